@@ -1,0 +1,38 @@
+"""The two dictionaries that travel through the project: every key with its shape, unit and range, once.
+
+A `Batch` is what a data set yields after collation; a single item is the same without the batch axis.
+A `Prediction` is what every network returns.
+"""
+
+from typing import NotRequired, TypedDict
+
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+
+class Batch(TypedDict):
+    """Frames in house units; `col3d.geometry` states the conventions of axes and pixels."""
+
+    image: Float[Tensor, "b 3 h w"]
+    """RGB in [0, 1]; networks normalise inside."""
+    depth: Float[Tensor, "b 1 h w"]
+    """Depth along the optical axis in mm; 0 where unknown."""
+    normals: NotRequired[Float[Tensor, "b 3 h w"]]
+    """Unit vectors facing the camera (n . ray < 0); the zero vector where unknown."""
+    mask: Bool[Tensor, "b 1 h w"]
+    """True where depth (and normals, when present) are known: only these pixels count."""
+    rays: Float[Tensor, "b 3 h w"]
+    """Unit viewing directions; they rotate and mirror with the image."""
+    video: list[str]
+    """Name of the video of each frame."""
+    frame: Int[Tensor, " b"]
+    """Number of each frame inside its video."""
+
+
+class Prediction(TypedDict):
+    """What a network says of an image."""
+
+    depth: Float[Tensor, "b 1 h w"]
+    """Depth along the optical axis in mm, in (0, max_depth)."""
+    normals: NotRequired[Float[Tensor, "b 3 h w"]]
+    """Unit vectors in camera axes."""

@@ -1,0 +1,26 @@
+"""Errors that name the argument, the rule and what came."""
+
+import difflib
+from collections.abc import Iterable
+
+
+class DataError(ValueError):
+    """A file or folder of a data set breaks a rule; the message names it and says what to do."""
+
+
+def nearest_name(name: str, known: Iterable[str]) -> str:
+    """A hint such as `; did you mean 'bts'?`, or nothing where no known name is close."""
+    close = difflib.get_close_matches(name, list(known), n=1, cutoff=0.5)
+    return f"; did you mean {close[0]!r}?" if close else ""
+
+
+def check_known(argument: str, name: str, known: Iterable[str]) -> str:
+    """Return `name` where it is one of `known`.
+
+    Raises:
+        ValueError: names the argument, what came, the nearest valid name and all valid names.
+    """
+    known = list(known)
+    if name in known:
+        return name
+    raise ValueError(f"{argument}: {name!r} is unknown{nearest_name(name, known)} Known: {', '.join(known)}")

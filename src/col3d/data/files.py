@@ -1,0 +1,86 @@
+"""Reading image files, each checked by its header before training and in full when it is read."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+from PIL import Image, UnidentifiedImageError
+from PIL.TiffImagePlugin import TiffImageFile
+
+from col3d.checks import DataError
+
+cv2.utils.logging.setLogLevel(
+    cv2.utils.logging.LOG_LEVEL_ERROR
+)  # errors only: OpenCV 5 warns of a harmless tag in each TIFF of C3VD
+PNG_END = b"IEND\xaeB`\x82"
+
+
+def check_header(path: Path, size_hw: tuple[int, int], channels: int, bits: int) -> None:
+    """Refuse a file whose header or length shows that it is not the complete image it should be.
+
+    Raises:
+        DataError: names the file, the rule and what came.
+    """
+    try:
+        with Image.open(path) as image:
+            found_hw, found = (image.height, image.width), _channels_and_bits(image)
+            end = _data_end(image)
+    except (UnidentifiedImageError, OSError, SyntaxError) as error:
+        raise DataError(f"{path}: not a readable image ({error})") from None
+    if found_hw != size_hw:
+        raise DataError(
+            f"{path}: expected {size_hw[0]} x {size_hw[1]} pixels, got {found_hw[0]} x {found_hw[1]}"
+        )
+    if found != (channels, bits):
+        raise DataError(
+            f"{path}: expected {channels} channels of {bits} bits, got {found[0]} channels of {found[1]} bits"
+        )
+    if path.stat().st_size < end or (path.suffix == ".png" and not _ends_as_png(path)):
+        raise DataError(f"{path}: the file is cut off; copy it again")
+
+
+def _channels_and_bits(image: Image.Image) -> tuple[int, int]:
+    if isinstance(image, TiffImageFile):
+        bits = image.tag_v2.get(258, (1,))
+        return image.tag_v2.get(277, 1), max(bits if isinstance(bits, tuple) else (bits,))
+    return len(image.getbands()), 16 if image.mode.startswith("I") else 8
+
+
+def _data_end(image: Image.Image) -> int:
+    """Position behind the last byte of pixel data that a TIFF's header announces; 0 for other formats."""
+    tags = image.tag_v2 if isinstance(image, TiffImageFile) else {}
+    return max(
+        (start + count for start, count in zip(tags.get(273, ()), tags.get(279, ()), strict=False)), default=0
+    )
+
+
+def _ends_as_png(path: Path) -> bool:
+    with path.open("rb") as file:
+        file.seek(0, 2)
+        file.seek(max(0, file.tell() - len(PNG_END)))
+        return file.read() == PNG_END
+
+
+def read_rgb(path: Path, size_hw: tuple[int, int], dtype: type[np.generic]) -> np.ndarray:
+    """An image of three channels as (h, w, 3) in RGB order.
+
+    Raises:
+        DataError: the file cannot be decoded, or has another size or type.
+    """
+    return np.ascontiguousarray(_read(path, (*size_hw, 3), dtype)[..., ::-1])
+
+
+def read_grey(path: Path, size_hw: tuple[int, int], dtype: type[np.generic]) -> np.ndarray:
+    """An image of one channel as (h, w); errors as in `read_rgb`."""
+    return _read(path, size_hw, dtype)
+
+
+def _read(path: Path, shape: tuple[int, ...], dtype: type[np.generic]) -> np.ndarray:
+    pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    if pixels is None:
+        raise DataError(f"{path}: {'cannot be decoded' if path.exists() else 'no such file'}; copy it again")
+    if pixels.shape != shape or pixels.dtype != dtype:
+        raise DataError(
+            f"{path}: expected {np.dtype(dtype)} of shape {shape}, got {pixels.dtype} of {pixels.shape}"
+        )
+    return pixels

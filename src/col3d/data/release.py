@@ -1,0 +1,73 @@
+"""The two releases of C3VD: how each stores normals, and which one a frame follows."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+from torch.nn.functional import avg_pool2d
+
+from col3d.geometry import Camera, angle_between, normals_from_depth, unit
+
+RELEASES = ("current", "pre_2023_05")
+FULL_CODE = 65535
+BLOCKS = 108
+"""Rows of blocks in which stored normals are held against the depth: wide enough for depth of 8 bits."""
+AGREEMENT = 25.0
+"""Median angle in degrees beyond which stored normals do not belong to the depth."""
+
+
+def house_normals(codes: np.ndarray, release: str) -> Float[Tensor, "3 h w"]:
+    """Unit normals in house axes from 16-bit codes of shape (h, w, 3); the zero vector where none is stored.
+
+    The current release stores (n + 1) / 2 in axes x right, y down, z into the scene. The one before May 2023
+    stores x and y (up) in the same way and z (out of the scene) in 0..1 with negative values clipped to 0;
+    what was clipped follows from the unit length of the normal.
+    """
+    stored = torch.from_numpy(codes.astype(np.float32)).permute(2, 0, 1) / FULL_CODE
+    known = (stored > 0).any(dim=0)
+    if release == "current":
+        return unit(torch.where(known, 2 * stored - 1, 0.0))
+    x, up = (2 * stored[:2] - 1).unbind()
+    behind = (1 - x.square() - up.square()).clamp_min(0).sqrt()
+    z = torch.where(stored[2] > 0, -stored[2], behind)
+    return unit(torch.where(known, torch.stack([x, -up, z]), 0.0))
+
+
+def disagreement(
+    codes: np.ndarray, depth: Float[Tensor, "1 h w"], mask: Bool[Tensor, "1 h w"], camera: Camera
+) -> Mapping[str, float]:
+    """Median angle in degrees between stored normals and those of the depth, under each release's convention.
+
+    Both are averaged over blocks first: frames are found whose depth has steps of 0.4 mm.
+    """
+    block = max(1, camera.size_hw[0] // BLOCKS)
+    rows, columns = (side // block for side in camera.size_hw)
+    rays = camera.cropped(0, 0, rows * block, columns * block).resized((rows, columns)).rays()
+    whole = avg_pool2d(mask[None].float(), block) == 1
+    derived = normals_from_depth(avg_pool2d(depth[None], block), rays, whole)
+    found = {}
+    for release in RELEASES:
+        stored = unit(avg_pool2d(house_normals(codes, release)[None], block))
+        angles = angle_between(stored, derived)[whole & (derived != 0).any(dim=1, keepdim=True)]
+        found[release] = angles.median().item() if angles.numel() else float("nan")
+    return found
+
+
+def camera_to_world(rows: Float[np.ndarray, "n 16"]) -> Float[np.ndarray, "n 4 4"]:
+    """Poses as matrices that act on column vectors: p_world = T @ [p, 1], in mm.
+
+    The current release writes the transpose of that (its translation stands in the last row), the one before
+    May 2023 the matrix itself; the place of (0, 0, 0, 1) tells.
+
+    Raises:
+        ValueError: neither the last row nor the last column of every matrix is (0, 0, 0, 1).
+    """
+    matrices = rows.reshape(-1, 4, 4)
+    last = np.array([0.0, 0.0, 0.0, 1.0])
+    if np.allclose(matrices[:, :, 3], last, atol=1e-6):
+        return matrices.transpose(0, 2, 1).copy()
+    if np.allclose(matrices[:, 3, :], last, atol=1e-6):
+        return matrices
+    raise ValueError("neither the last row nor the last column of the poses is (0, 0, 0, 1)")

@@ -1,0 +1,109 @@
+"""The videos of C3VD, the labels of the Col3D-MTL paper, and splits as lists of videos or frame ranges."""
+
+import csv
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+
+from col3d.checks import DataError, nearest_name
+
+SPLITS = ("train", "val", "test")
+PRINTED_LABELS = {"t3v1": "t4v1"}
+"""Misprints of the paper's table and what they stand for."""
+FRAMES_BEFORE_2023_05 = {"sigmoid_t1_a": 800}
+"""Videos that the earlier release holds with another number of frames."""
+
+
+@dataclass(frozen=True)
+class Video:
+    """One row of the table of videos."""
+
+    name: str
+    frames: int
+    label: str
+    split: str
+    segment: str
+    texture: str
+
+
+@dataclass(frozen=True)
+class Selection:
+    """A whole video, or its frames from `first` to `last`, both included."""
+
+    video: str
+    first: int | None = None
+    last: int | None = None
+
+    def __contains__(self, frame: int) -> bool:
+        return (self.first is None or frame >= self.first) and (self.last is None or frame <= self.last)
+
+
+@cache
+def video_table() -> Mapping[str, Video]:
+    """The 22 registered videos of C3VD by name."""
+    text = files("col3d.data").joinpath("videos.csv").read_text(encoding="utf-8")
+    rows = csv.DictReader(text.splitlines())
+    videos = (
+        Video(r["video"], int(r["frames"]), r["col3d_label"], r["paper_split"], r["segment"], r["texture"])
+        for r in rows
+    )
+    return {video.name: video for video in videos}
+
+
+def paper_split() -> dict[str, list[str]]:
+    """The split of the paper by names of videos; cecum_t1_b is in none."""
+    return {split: [v.name for v in video_table().values() if v.split == split] for split in SPLITS}
+
+
+def describe(video: str) -> tuple[str, str]:
+    """Segment and texture of a video, empty where the table does not list it."""
+    row = video_table().get(video)
+    return (row.segment, row.texture) if row else ("", "")
+
+
+def parse_selection(entry: str, present: Sequence[str] = ()) -> Selection:
+    """Read an entry of a split.
+
+    Args:
+        entry: a video's name (`cecum_t1_a`), its label in the paper (`c1v1`), or either with the frames
+            to take, both ends included (`cecum_t1_a:0-120`).
+        present: names of folders at hand; a video that the table does not list must be among them.
+
+    Raises:
+        DataError: unknown video or malformed range, with the nearest name.
+    """
+    match = re.fullmatch(r"([^:]+)(?::(\d+)-(\d+))?", entry)
+    if match is None:
+        raise DataError(
+            f"split entry {entry!r}: expected VIDEO or VIDEO:FIRST-LAST, such as cecum_t1_a:0-120"
+        )
+    name, first, last = match.groups()
+    names = {video.label: video.name for video in video_table().values() if video.label}
+    name = names.get(PRINTED_LABELS.get(name, name), name)
+    if name not in video_table() and name not in present:
+        known = [*video_table(), *names, *present]
+        raise DataError(
+            f"video {name!r} is neither one of C3VD nor a folder of data.root{nearest_name(name, known)}"
+        )
+    if first is not None and int(first) > int(last):
+        raise DataError(f"split entry {entry!r}: the first frame comes after the last")
+    return Selection(name, None if first is None else int(first), None if last is None else int(last))
+
+
+def check_counts(frames: Mapping[str, int], release: str) -> None:
+    """Hold the number of frames of whole videos against the table.
+
+    Raises:
+        DataError: names each video whose count differs.
+    """
+    for name, count in frames.items():
+        expected = video_table()[name].frames
+        if release == "pre_2023_05":
+            expected = FRAMES_BEFORE_2023_05.get(name, expected)
+        if count != expected:
+            raise DataError(
+                f"video {name} has {count} frames, C3VD's {release} release has {expected}: copy it again, "
+                "or set data.allow_missing=true to use what is there"
+            )

@@ -1,0 +1,164 @@
+"""Transforms of whole items and batches: image, depth, normals, mask and rays move together.
+
+A pixel is valid after a transform only where all pixels it is interpolated from are; vectors turn and mirror
+with the image. kornia warps the maps; that the vectors in them turn too, it leaves to us.
+"""
+
+import math
+import zlib
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+from torch.nn.functional import interpolate
+
+from col3d.batch import Batch
+from col3d.geometry import Camera, unit
+
+WHOLE = 0.999
+"""Share of valid pixels, up to rounding, from which an interpolated pixel counts as valid."""
+
+
+@dataclass(frozen=True)
+class Resize:
+    """Resize an item to `size_hw`, aspect not kept.
+
+    The image is averaged (antialiased). Depth and normals are read off at the new pixel centres between the
+    four pixels around, so that neither edges nor the borders of the mask bleed; normals get unit length
+    again. The rays are those of the resized camera.
+    """
+
+    size_hw: tuple[int, int]
+    camera: Camera
+    """Camera of the items before."""
+
+    def __call__(self, item: dict[str, Any]) -> dict[str, Any]:
+        """The resized item."""
+        image = interpolate(item["image"][None], self.size_hw, mode="bilinear", antialias=True)[0]
+        mask = self._read_off(item["mask"].float()) > WHOLE
+        moved = {
+            **item,
+            "image": image.clamp(0, 1),
+            "mask": mask,
+            "depth": torch.where(mask, self._read_off(item["depth"]), 0.0),
+            "rays": self.camera.resized(self.size_hw).rays(),
+        }
+        if "normals" in item:
+            moved["normals"] = torch.where(mask, unit(self._read_off(item["normals"])), 0.0)
+        return moved
+
+    def _read_off(self, values: Tensor) -> Tensor:
+        return interpolate(values[None], self.size_hw, mode="bilinear", align_corners=False)[0]
+
+
+def flip(batch: Batch, chosen: Bool[Tensor, " b"]) -> Batch:
+    """Mirror the chosen frames left to right; x of their normals and rays changes its sign."""
+    where = chosen[:, None, None, None]
+    mirror = batch["rays"].new_tensor([-1.0, 1.0, 1.0])[:, None, None]
+    moved = {key: torch.where(where, value.flip(-1), value) for key, value in _maps(batch).items()}
+    for key in ("normals", "rays"):
+        if key in moved:
+            moved[key] = torch.where(where, moved[key] * mirror, moved[key])
+    return batch | moved  # type: ignore[return-value]
+
+
+def rotate(batch: Batch, degrees: Float[Tensor, " b"]) -> Batch:
+    """Turn each frame about its middle, from x towards y, and its vectors with it.
+
+    Where pixels are not square (frames squeezed to 320 x 320), the map of the pixels allows for it, so that
+    the scene turns rigidly about the optical axis.
+    """
+    from kornia.geometry.transform import warp_affine
+
+    size_hw = (int(batch["image"].shape[-2]), int(batch["image"].shape[-1]))
+    move = _pixel_rotation(degrees, size_hw, _pixel_aspect(batch["rays"]))
+
+    def warp(values: Tensor, padding: str) -> Tensor:
+        return warp_affine(values.float(), move, size_hw, padding_mode=padding, align_corners=True)
+
+    mask = warp(batch["mask"], "zeros") > WHOLE
+    moved = {
+        "image": warp(batch["image"], "border"),
+        "depth": torch.where(mask, warp(batch["depth"], "border"), 0.0),
+        "mask": mask,
+        "rays": unit(_turn(warp(batch["rays"], "border"), degrees)),
+    }
+    if "normals" in batch:
+        moved["normals"] = torch.where(mask, unit(_turn(warp(batch["normals"], "border"), degrees)), 0.0)
+    return batch | moved  # type: ignore[return-value]
+
+
+def jitter(
+    image: Float[Tensor, "b 3 h w"], gamma: Float[Tensor, " b"], gains: Float[Tensor, "b 3"]
+) -> Float[Tensor, "b 3 h w"]:
+    """Photometric change: image ** gamma, times a gain for each colour, kept in [0, 1]."""
+    return (image.clamp_min(1e-6) ** gamma[:, None, None, None] * gains[:, :, None, None]).clamp(0, 1)
+
+
+@dataclass(frozen=True)
+class Augment:
+    """Random transforms of a batch on its device; a frame's draw depends on (seed, epoch, frame) alone.
+
+    The defaults are the paper's set: rotation only.
+    """
+
+    rotation: float = 1.0
+    """Largest rotation in degrees, either way."""
+    flip: float = 0.0
+    """Probability of mirroring."""
+    jitter: float = 0.0
+    """Probability of a photometric change: gamma 0.9..1.1, brightness 0.75..1.25, colours 0.9..1.1."""
+
+    def __call__(self, batch: Batch, seed: int, epoch: int) -> Batch:
+        """The batch with the draws of this epoch applied."""
+        draws = self._draws(batch, seed, epoch).to(batch["image"].device)
+        if self.flip:
+            batch = flip(batch, draws[:, 0] < self.flip)
+        if self.rotation:
+            batch = rotate(batch, self.rotation * (2 * draws[:, 1] - 1))
+        if self.jitter:
+            chosen = draws[:, 2] < self.jitter
+            gamma = torch.where(chosen, 0.9 + 0.2 * draws[:, 3], 1.0)
+            gains = (0.75 + 0.5 * draws[:, 4:5]) * (0.9 + 0.2 * draws[:, 5:8])
+            image = jitter(batch["image"], gamma, torch.where(chosen[:, None], gains, 1.0))
+            batch = batch | {"image": image}
+        return batch
+
+    @staticmethod
+    def _draws(batch: Batch, seed: int, epoch: int) -> Tensor:
+        """Eight uniform numbers a frame, the same whatever the batch, the worker or the device."""
+        rows = []
+        for video, frame in zip(batch["video"], batch["frame"].tolist(), strict=True):
+            key = zlib.crc32(f"{seed}/{epoch}/{video}/{frame}".encode())
+            rows.append(torch.rand(8, generator=torch.Generator().manual_seed(key)))
+        return torch.stack(rows)
+
+
+def _maps(batch: Batch) -> dict[str, Tensor]:
+    return {k: v for k, v in batch.items() if isinstance(v, Tensor) and v.ndim == 4}
+
+
+def _turn(vectors: Tensor, degrees: Tensor) -> Tensor:
+    """Vectors turned about the optical axis, from x towards y."""
+    cos, sin = (f(torch.deg2rad(degrees))[:, None, None] for f in (torch.cos, torch.sin))
+    x, y, z = vectors.unbind(dim=1)
+    return torch.stack([cos * x - sin * y, sin * x + cos * y, z], dim=1)
+
+
+def _pixel_aspect(rays: Float[Tensor, "b 3 h w"]) -> float:
+    """Width of a pixel over its height, as angles, at the middle of the image; the same for all frames."""
+    v, u = rays.shape[-2] // 2, rays.shape[-1] // 2
+    first = rays[0]
+    across = (first[:, v, u + 1] - first[:, v, u - 1]).norm()
+    return (across / (first[:, v + 1, u] - first[:, v - 1, u]).norm()).item()
+
+
+def _pixel_rotation(degrees: Tensor, size_hw: tuple[int, int], aspect: float) -> Float[Tensor, "b 2 3"]:
+    """Affine maps of pixels: a rotation about the middle where pixels are `aspect` times as wide as high."""
+    middle = degrees.new_tensor([(size_hw[1] - 1) / 2, (size_hw[0] - 1) / 2])
+    radians = degrees * (math.pi / 180)
+    cos, sin = radians.cos(), radians.sin()
+    linear = torch.stack([cos, -sin / aspect, sin * aspect, cos], dim=-1).unflatten(-1, (2, 2))
+    return torch.cat([linear, (middle - linear @ middle)[..., None]], dim=-1)

@@ -1,0 +1,74 @@
+"""Normals of a depth map, and angles between vectors."""
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from col3d.geometry.depth import points_from_depth
+
+TINY = 1e-30
+"""Squared length below which a vector has no direction in float32."""
+
+MIN_AHEAD = 1e-3
+"""Rays that point less ahead than this (their z) have no depth along the axis."""
+
+
+def unit(vectors: Float[Tensor, "*b 3 h w"]) -> Float[Tensor, "*b 3 h w"]:
+    """Vectors at unit length; the zero vector (and its gradient) stays zero."""
+    squared = vectors.square().sum(dim=-3, keepdim=True)
+    known = squared > TINY
+    return torch.where(known, vectors * torch.where(known, squared, 1.0).rsqrt(), 0.0)
+
+
+def normals_from_depth(
+    depth: Float[Tensor, "b 1 h w"],
+    rays: Float[Tensor, "*b 3 h w"],
+    mask: Bool[Tensor, "b 1 h w"] | None = None,
+) -> Float[Tensor, "b 3 h w"]:
+    """Unit normals of the surface that a depth map describes, facing the camera; differentiable in depth.
+
+    n = P_v x P_u with the derivatives of the points along rows and columns: central differences, one-sided
+    beside a masked pixel or the border. Computed in float32 at least, whatever the autocast.
+
+    Args:
+        depth: along the optical axis, in mm; masked values may be anything, NaN included.
+        rays: unit rays of the camera that took the frame, one map for all frames or one for each.
+        mask: True where depth is known; everywhere when absent.
+
+    Returns:
+        Normals with n . ray < 0; the zero vector where the mask is False or no neighbour is known in a row
+        or column.
+
+    References:
+        Nakagawa, Uchiyama, Nagahara, Taniguchi: Estimating Surface Normals with Depth Image Gradients for
+        Fast and Accurate Registration, 3DV 2015; with the derivatives taken of the ray map, so that any
+        central camera serves. (The pinhole form printed in the Col3D-MTL paper writes dY/dx with
+        x - cx and dZ/dy; it has to be (y - cy) / f dZ/dx.)
+    """
+    with torch.autocast(depth.device.type, enabled=False):
+        ahead = rays.narrow(-3, 2, 1) > MIN_AHEAD
+        known = ahead.expand_as(depth) if mask is None else mask & ahead
+        safe = torch.where(known, depth.to(torch.promote_types(depth.dtype, torch.float32)), 1.0)
+        points = points_from_depth(safe, torch.where(ahead, rays.to(safe.dtype), 1.0))
+        along_u, has_u = _difference(points, known, dim=-1)
+        along_v, has_v = _difference(points, known, dim=-2)
+        normals = unit(torch.linalg.cross(along_v, along_u, dim=-3))
+        return torch.where(known & has_u & has_v, normals, 0.0)
+
+
+def _difference(points: Tensor, known: Tensor, dim: int) -> tuple[Tensor, Tensor]:
+    """Sum of the forward and backward differences that exist (scale is of no matter); whether one does."""
+    size = points.shape[dim]
+    both = known.narrow(dim, 1, size - 1) & known.narrow(dim, 0, size - 1)
+    step = torch.where(both, points.diff(dim=dim), 0.0)
+    zero, none = torch.zeros_like(points.narrow(dim, 0, 1)), torch.zeros_like(known.narrow(dim, 0, 1))
+    forward, backward = torch.cat([step, zero], dim), torch.cat([zero, step], dim)
+    return forward + backward, torch.cat([both, none], dim) | torch.cat([none, both], dim)
+
+
+def angle_between(a: Float[Tensor, "*b 3 h w"], b: Float[Tensor, "*b 3 h w"]) -> Float[Tensor, "*b 1 h w"]:
+    """Angle between vectors of any length, in degrees: atan2(|a x b|, a . b), exact at 0 and 180 degrees."""
+    crossed = torch.linalg.cross(a, b, dim=-3).square().sum(dim=-3, keepdim=True)
+    apart = crossed > 0
+    sine = torch.where(apart, torch.where(apart, crossed, 1.0).sqrt(), 0.0)
+    return torch.rad2deg(torch.atan2(sine, (a * b).sum(dim=-3, keepdim=True)))

@@ -1,0 +1,11 @@
+"""Losses: pure functions of (preds, target, mask) that give a scalar, and their weighted sum.
+
+All compute in float32 at least, are zero at the truth, and pass no gradient to masked pixels.
+"""
+
+from col3d.losses.consistency import cross_task_l1, cross_task_rmse
+from col3d.losses.depth import silog
+from col3d.losses.normals import normal_l1, normal_rmse
+from col3d.losses.weighted import WeightedLoss
+
+__all__ = ["WeightedLoss", "cross_task_l1", "cross_task_rmse", "normal_l1", "normal_rmse", "silog"]

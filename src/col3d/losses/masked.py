@@ -1,0 +1,25 @@
+"""Averages over the pixels that count, and a square root that is differentiable at zero."""
+
+import torch
+from torch import Tensor
+
+
+def masked_mean(values: Tensor, mask: Tensor) -> Tensor:
+    """Mean over channels and the pixels where `mask` (b, 1, h, w) is True; zero where none is.
+
+    Masked values may be anything, NaN included: neither they nor their gradient get through.
+    """
+    kept = torch.where(mask, values, 0.0)
+    count = mask.sum() * (values.shape[1] // mask.shape[1])
+    return kept.sum() / count.clamp_min(1)
+
+
+def root(value: Tensor) -> Tensor:
+    """Square root of a scalar that is zero, with a zero gradient, at and below zero."""
+    positive = value > 0
+    return torch.where(positive, torch.where(positive, value, 1.0).sqrt(), 0.0)
+
+
+def in_float32(*values: Tensor) -> tuple[Tensor, ...]:
+    """Half precision widened to float32; wider types stay."""
+    return tuple(value.to(torch.promote_types(value.dtype, torch.float32)) for value in values)

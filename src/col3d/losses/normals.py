@@ -1,0 +1,26 @@
+"""Errors of normals, component by component."""
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from col3d.losses.masked import in_float32, masked_mean, root
+
+
+def normal_l1(
+    preds: Float[Tensor, "b 3 h w"], target: Float[Tensor, "b 3 h w"], mask: Bool[Tensor, "b 1 h w"]
+) -> Float[Tensor, ""]:
+    """Mean absolute error over the components of the pixels that count; zero where none does."""
+    return masked_mean(_gap(preds, target, mask).abs(), mask)
+
+
+def normal_rmse(
+    preds: Float[Tensor, "b 3 h w"], target: Float[Tensor, "b 3 h w"], mask: Bool[Tensor, "b 1 h w"]
+) -> Float[Tensor, ""]:
+    """Root mean squared error over the components of the pixels that count; zero where none does."""
+    return root(masked_mean(_gap(preds, target, mask).square(), mask))
+
+
+def _gap(preds: Tensor, target: Tensor, mask: Tensor) -> Tensor:
+    preds, target = in_float32(preds, target)
+    return torch.where(mask, preds - target, 0.0)

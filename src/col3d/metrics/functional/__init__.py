@@ -1,0 +1,6 @@
+"""Metrics as pure functions of (preds, target, mask): one value a frame."""
+
+from col3d.metrics.functional.depth import DEPTH_METRICS, depth_metrics
+from col3d.metrics.functional.normals import NORMAL_METRICS, normal_metrics
+
+__all__ = ["DEPTH_METRICS", "NORMAL_METRICS", "depth_metrics", "normal_metrics"]
