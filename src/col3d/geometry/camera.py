@@ -10,12 +10,13 @@ import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Self
+from typing import TypeVar
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
+CameraType = TypeVar("CameraType", bound="Camera")
 Matrix2 = tuple[tuple[float, float], tuple[float, float]]
 NEWTON_STEPS = 12
 
@@ -60,22 +61,22 @@ class Camera(ABC):
         plane = points[..., :2] * torch.where(across > 0, radius / across.clamp_min(1e-30), 0.0)
         return plane @ self._stretch_on(points).T + points.new_tensor(self.centre)
 
-    def resized(self, size_hw: tuple[int, int]) -> Self:
+    def resized(self: CameraType, size_hw: tuple[int, int]) -> CameraType:
         """The camera of the image resized to this size: corners stay put, centres move by half a pixel."""
         scale_v, scale_u = (new / old for new, old in zip(size_hw, self.size_hw, strict=True))
         offset = (0.5 * scale_u - 0.5, 0.5 * scale_v - 0.5)
         return self._moved(size_hw, ((scale_u, 0.0), (0.0, scale_v)), offset)
 
-    def cropped(self, top: int, left: int, height: int, width: int) -> Self:
+    def cropped(self: CameraType, top: int, left: int, height: int, width: int) -> CameraType:
         """The camera of the image cut out at this place."""
         return self._moved((height, width), ((1.0, 0.0), (0.0, 1.0)), (-left, -top))
 
-    def flipped(self) -> Self:
+    def flipped(self: CameraType) -> CameraType:
         """The camera of the image mirrored left to right; x of every ray and vector changes its sign."""
         mirror = ((-1.0, 0.0), (0.0, 1.0))
         return self._moved(self.size_hw, mirror, (self.size_hw[1] - 1.0, 0.0), turn=mirror)
 
-    def rolled(self, degrees: float) -> Self:
+    def rolled(self: CameraType, degrees: float) -> CameraType:
         """The camera of the image turned about its middle, from x towards y (clockwise as one looks at it).
 
         Vectors of the scene turn by the same angle about the optical axis.
@@ -87,12 +88,13 @@ class Camera(ABC):
         return self._moved(self.size_hw, turn, offset, turn=turn)
 
     def _moved(
-        self,
+        self: CameraType,
         size_hw: tuple[int, int],
         linear: Matrix2,
         offset: tuple[float, float],
-        turn: Matrix2 = ((1.0, 0.0), (0.0, 1.0)),
-    ) -> Self:
+        turn: CameraType = TypeVar("CameraType", bound="Camera")
+Matrix2 = ((1.0, 0.0), (0.0, 1.0)),
+    ) -> CameraType:
         """Pixels move by `linear` and `offset`, vectors turn by the orthogonal `turn`: S' = A S T^-1."""
         a, s, t = (torch.tensor(m, dtype=torch.float64) for m in (linear, self.stretch, turn))
         (s00, s01), (s10, s11) = (a @ s @ t.T).tolist()
@@ -122,12 +124,14 @@ class PinholeCamera(Camera):
     """A pinhole without distortion: ray = ((u - cx) / fx, (v - cy) / fy, 1)."""
 
     @classmethod
-    def from_focal(cls, size_hw: tuple[int, int], fx: float, fy: float, cx: float, cy: float) -> Self:
+    def from_focal(
+        cls, size_hw: tuple[int, int], fx: float, fy: float, cx: float, cy: float
+    ) -> "PinholeCamera":
         """Build from focal lengths and principal point in pixels."""
         return cls(size_hw=size_hw, centre=(cx, cy), stretch=((fx, 0.0), (0.0, fy)))
 
     @classmethod
-    def c3vd(cls) -> Self:
+    def c3vd(cls) -> "PinholeCamera":
         """The pinhole that published code uses for C3VD, whose lens it does not describe (1080 x 1350)."""
         return cls.from_focal(
             (1080, 1350), 769.807403688120, 769.720558534159, 675.226397736271, 548.903474592445
@@ -157,7 +161,7 @@ class OmnidirectionalCamera(Camera):
     """Largest radius |p| that the calibration covers: where the search for a projection starts."""
 
     @classmethod
-    def c3vd(cls) -> Self:
+    def c3vd(cls) -> "OmnidirectionalCamera":
         """The Olympus CF-HQ190L of C3VD at 1080 x 1350; its rays reach 73 degrees off the axis."""
         return cls(
             size_hw=(1080, 1350),

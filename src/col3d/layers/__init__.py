@@ -1,0 +1,1 @@
+"""Blocks that two networks or more are built from."""

@@ -1,0 +1,111 @@
+"""Any timm encoder that offers five scales, behind one interface."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from col3d.checks import nearest_name
+
+SCALES = (2, 4, 8, 16, 32)
+
+
+class Encoder(nn.Module):
+    """Feature maps at 1/2, 1/4, 1/8, 1/16 and 1/32 of the image.
+
+    For ResNets these are the first ReLU and the four stages.
+
+    Args:
+        name: a timm model; a tag chooses its weights, as in `resnet50.tv_in1k`.
+        pretrained: None for random weights, "imagenet" to fetch timm's, or the path of a local weight file.
+
+    Attributes:
+        channels: of the five maps, the largest map first.
+
+    Raises:
+        ValueError: the model is unknown or lacks a scale, or its weights cannot be had.
+    """
+
+    def __init__(self, name: str, pretrained: str | None = None) -> None:
+        super().__init__()
+        self.net = _create(name, fetch=pretrained == "imagenet")
+        info: Any = self.net.feature_info
+        self.indices = _five_scales(name, info.reduction())
+        self.channels = [info.channels()[i] for i in self.indices]
+        if pretrained not in (None, "none", "imagenet"):
+            load_encoder_weights(self.net, Path(str(pretrained)))
+
+    def forward(self, image: Float[Tensor, "b 3 h w"]) -> list[Float[Tensor, "b _ _ _"]]:
+        """A normalised image whose sides are multiples of 32 -> five maps, the largest first."""
+        maps = self.net(image)
+        return [maps[i] for i in self.indices]
+
+
+def _create(name: str, fetch: bool) -> nn.Module:
+    import timm
+
+    if not timm.is_model(name):
+        raise ValueError(f"model.encoder: timm has no model {name!r}{nearest_name(name, timm.list_models())}")
+    try:
+        return timm.create_model(name, features_only=True, pretrained=fetch)
+    except Exception as error:
+        if not fetch:
+            raise ValueError(_no_scales(name, f"timm says: {error}".splitlines()[0])) from error
+        raise ValueError(
+            f"model.pretrained: no ImageNet weights for {name!r} could be fetched ({type(error).__name__}); "
+            "say model.pretrained=none for random weights or model.pretrained=<path of a weight file>"
+        ) from error
+
+
+def _five_scales(name: str, reductions: list[int]) -> list[int]:
+    if not set(SCALES) <= set(reductions):
+        raise ValueError(_no_scales(name, "it has " + ", ".join(f"/{r}" for r in reductions)))
+    return [reductions.index(scale) for scale in SCALES]
+
+
+def _no_scales(name: str, what: str) -> str:
+    return f"model.encoder: {name!r} must offer maps at /2, /4, /8, /16 and /32 (ResNets do), but {what}"
+
+
+def load_encoder_weights(net: nn.Module, path: Path) -> None:
+    """Fill an encoder from a weight file of timm or torchvision; the classifier's weights are left out.
+
+    Args:
+        net: the encoder; filled in place.
+        path: a file of `torch.save` or safetensors, bare or under "state_dict" or "model".
+
+    Raises:
+        ValueError: there is no such file, or weights are missing from it.
+    """
+    from timm.models import load_state_dict
+
+    if not path.is_file():
+        raise ValueError(
+            f"model.pretrained: must be none, imagenet or a weight file; there is no file {str(path)!r}"
+        )
+    try:
+        stored = load_state_dict(str(path), weights_only=True)
+    except Exception as error:
+        raise ValueError(
+            f"model.pretrained: {str(path)!r} cannot be read as weights ({type(error).__name__})"
+        ) from error
+    net.load_state_dict(_chosen(net.state_dict(), stored, path), strict=False)
+
+
+def _chosen(wanted: Mapping[str, Tensor], stored: Mapping[str, Tensor], path: Path) -> dict[str, Tensor]:
+    # timm joins the first levels of some names with "_" when it makes an encoder of a classifier.
+    plain = {name.replace(".", "_"): value for name, value in stored.items()}
+    chosen = {name: plain[name.replace(".", "_")] for name in wanted if name.replace(".", "_") in plain}
+    missing = [n for n in wanted if n not in chosen and wanted[n].is_floating_point()]
+    misfits = [n for n in chosen if chosen[n].shape != wanted[n].shape]
+    if missing:
+        raise ValueError(
+            f"model.pretrained: {str(path)!r} lacks {len(missing)} weights, such as {missing[0]!r}"
+        )
+    if misfits:
+        raise ValueError(
+            f"model.pretrained: {str(path)!r} does not fit in {len(misfits)} weights, such as {misfits[0]!r}"
+        )
+    return chosen

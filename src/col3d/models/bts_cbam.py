@@ -1,0 +1,79 @@
+"""BTS-CBAM: BTS whose depth decoder attends to its features and skip connections."""
+
+from collections.abc import Callable
+from typing import ClassVar
+
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from col3d.batch import Prediction
+from col3d.checks import check_known
+from col3d.layers.aspp import DenseTrunk
+from col3d.layers.cbam import CBAM
+from col3d.layers.conv import init_xavier
+from col3d.layers.depth_decoder import DepthDecoder, FinestDepth
+from col3d.layers.encoder import Encoder
+from col3d.layers.network import ImageNetwork
+from col3d.layers.planar import Reduction, cone_normals, intersect
+
+
+class PublishedFinestDepth(nn.Module):
+    """The authors' depth at full size: the distance of a plane over the sum of its normal's components."""
+
+    def __init__(self, in_channels: int) -> None:
+        super().__init__()
+        self.reduction = Reduction(in_channels, in_channels // 2, 3)
+
+    def forward(self, x: Float[Tensor, "b _ h w"]) -> Float[Tensor, "b 1 h w"]:
+        """A map -> fraction of the maximum depth, of any sign."""
+        unit = self.reduction(x).float().sigmoid()
+        return intersect(unit[:, 2:], cone_normals(unit).sum(dim=1, keepdim=True))
+
+
+FINEST_DEPTH: dict[str, Callable[[int], nn.Module]] = {
+    "house": FinestDepth,
+    "published": PublishedFinestDepth,
+}
+
+
+class BTSCBAM(ImageNetwork):
+    """BTS with CBAM on the trunk's output, on both skip connections and on the features at 1/4 and 1/2.
+
+    Differs from the authors' code in one place besides those of `BTS`: at full size they divide a distance
+    by the sum of a normal's components, which passes through 0; here that depth comes from one sigmoid, as
+    in BTS. `heads="published"` brings their quotient back, for their weights.
+
+    Args:
+        encoder: name of a timm model with maps at /2 to /32.
+        max_depth: upper bound of the depth in mm.
+        pretrained: encoder weights: None, "imagenet" or the path of a file.
+        width: F, which the decoder's sizes scale from; 512 is published, a multiple of 64.
+        heads: "house" or "published".
+
+    References:
+        Chavarrias Solano et al., Multi-task learning with cross-task consistency for improved depth
+        estimation in colonoscopy, arXiv:2311.18664, 2023.
+    """
+
+    tasks: ClassVar[tuple[str, ...]] = ("depth",)
+
+    def __init__(
+        self,
+        encoder: str = "resnet50",
+        max_depth: float = 100.0,
+        pretrained: str | None = None,
+        width: int = 512,
+        heads: str = "house",
+    ) -> None:
+        super().__init__()
+        finest = FINEST_DEPTH[check_known("model.heads", heads, FINEST_DEPTH)]
+        self.encoder = Encoder(encoder, pretrained)
+        self.trunk = DenseTrunk(self.encoder.channels, width)
+        self.depth_decoder = DepthDecoder(self.encoder.channels, width, max_depth, CBAM, finest)
+        init_xavier(self.trunk)
+        init_xavier(self.depth_decoder)
+
+    def predict(self, x: Float[Tensor, "b 3 h w"]) -> Prediction:
+        """Depth for a normalised image whose sides are multiples of 32."""
+        features = self.encoder(x)
+        return {"depth": self.depth_decoder(self.trunk(features), *features[:2])}
