@@ -92,8 +92,7 @@ class Camera(ABC):
         size_hw: tuple[int, int],
         linear: Matrix2,
         offset: tuple[float, float],
-        turn: CameraType = TypeVar("CameraType", bound="Camera")
-Matrix2 = ((1.0, 0.0), (0.0, 1.0)),
+        turn: Matrix2 = ((1.0, 0.0), (0.0, 1.0)),
     ) -> CameraType:
         """Pixels move by `linear` and `offset`, vectors turn by the orthogonal `turn`: S' = A S T^-1."""
         a, s, t = (torch.tensor(m, dtype=torch.float64) for m in (linear, self.stretch, turn))
