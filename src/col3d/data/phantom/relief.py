@@ -1,0 +1,87 @@
+"""What stands out of the smooth tube into the lumen: folds, bumps, swellings and the cecal pole, in mm."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from col3d.data.phantom.noise import random_lattice, value_noise
+from col3d.data.phantom.segments import Segment
+
+
+@dataclass(frozen=True)
+class Fold:
+    """One haustral fold across the tube."""
+
+    at: float
+    towards: float
+    reach: float
+    height: float
+    width: float
+    tilt: float
+
+
+def place_folds(segment: Segment, random: np.random.Generator) -> list[Fold]:
+    """Folds at uneven distances, each turned against the one before by about a third of a circle."""
+    folds, at, towards = [], 0.5 * segment.fold_spacing, random.uniform(0, 2 * np.pi)
+    while at < segment.length - 4:
+        folds.append(
+            Fold(
+                at=at,
+                towards=towards,
+                reach=segment.fold_reach * random.uniform(0.75, 1.2),
+                height=segment.radius * segment.fold_height * random.uniform(0.6, 1.15),
+                width=random.uniform(1.9, 3.0),
+                tilt=random.uniform(-3.0, 3.0),
+            )
+        )
+        at += segment.fold_spacing * random.uniform(0.65, 1.35)
+        towards += 2 * np.pi / 3 * random.choice([1, 2]) + random.uniform(-0.4, 0.4)
+    return folds
+
+
+def fold_heights(folds: list[Fold], rows: np.ndarray, theta: np.ndarray) -> Float[np.ndarray, "n k"]:
+    """Crests of Gaussian profile along the tube that fade out around it; the highest of all counts."""
+    total = np.zeros((len(rows), len(theta)))
+    for fold in folds:
+        near = np.abs(rows - fold.at) < 5 * fold.width + 3
+        off = np.angle(np.exp(1j * (theta - fold.towards)))
+        around = np.clip(1 - (off / fold.reach) ** 2, 0, None) ** 1.5 + 0.12
+        crest = fold.at + fold.tilt * np.cos(theta - fold.towards)
+        across = (rows[near, None] - crest) / (fold.width * (0.8 + 0.4 * around))
+        total[near] += fold.height * around * np.exp(-0.5 * across**2)
+    return total
+
+
+def bumps(
+    segment: Segment, rows: np.ndarray, theta: np.ndarray, radius: np.ndarray, random: np.random.Generator
+) -> Float[np.ndarray, "n k"]:
+    """Polyps and swellings: domes with steep flanks."""
+    total = np.zeros_like(radius)
+    for _ in range(int(segment.length / 14)):
+        at, towards = random.uniform(-0.4 * segment.radius, segment.length), random.uniform(0, 2 * np.pi)
+        size = random.choice([random.uniform(1.5, 3.5), random.uniform(5.0, 9.0)])
+        height = size * random.uniform(0.3, 0.75) if size < 4 else size * random.uniform(0.15, 0.4)
+        near = np.abs(rows - at) < 2.2 * size
+        off = radius[near] * np.angle(np.exp(1j * (theta - towards)))
+        distance = ((rows[near, None] - at) ** 2 + off**2) / size**2
+        total[near] += height * np.exp(-(distance**1.5))
+    return total
+
+
+def swell(base: np.ndarray, random: np.random.Generator) -> Float[np.ndarray, "n k"]:
+    """Soft unevenness of the whole wall at two scales."""
+    points = base.reshape(-1, 3)
+    coarse = value_noise(points, 14.0, random_lattice(random, 1))
+    fine = value_noise(points, 4.5, random_lattice(random, 1))
+    return (1.3 * coarse + 0.18 * fine).astype(np.float64).reshape(base.shape[:2])
+
+
+def pouch(rows: np.ndarray, theta: np.ndarray, radius: float) -> Float[np.ndarray, "n k"]:
+    """The cecal pole: three ridges that meet at it and the dent of the appendix between two of them."""
+    pole = -0.5 * np.pi * radius
+    from_pole = (rows - pole)[:, None]
+    arms = np.cos(3 * theta) * 0.5 + 0.5
+    ridge = 3.2 * arms**6 * np.exp(-0.5 * ((from_pole - 0.55 * radius) / (0.3 * radius)) ** 2)
+    dent = -4.0 * np.exp(-0.5 * (from_pole / 2.6) ** 2) + 1.6 * np.exp(-0.5 * ((from_pole - 6) / 2.2) ** 2)
+    return ridge + dent

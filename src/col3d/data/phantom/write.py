@@ -1,0 +1,165 @@
+"""A phantom on disk: videos in the format of C3VD's current release, each written whole or not at all."""
+
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from col3d.checks import DataError
+from col3d.data.phantom.anatomy import build_colon
+from col3d.data.phantom.appearance import PALETTES, Mucosa
+from col3d.data.phantom.render import Frame, Renderer
+from col3d.data.phantom.segments import SEGMENTS
+from col3d.data.phantom.settings import PhantomSettings, phantom_camera, random_stream
+from col3d.data.phantom.trajectory import camera_poses
+from col3d.data.splits import video_table
+
+MANIFEST = "phantom.json"
+VERSION = 1
+"""Raised whenever equal settings give other pixels or files than before."""
+PARTIAL = ".partial-"
+UNCOMPRESSED = (cv2.IMWRITE_TIFF_COMPRESSION, 1)
+
+
+def render_video(
+    root: Path, video: str, settings: PhantomSettings, frame_done: Callable[[], None] = lambda: None
+) -> None:
+    """Render one video into a folder beside its own and put it in place when it is complete.
+
+    Args:
+        root: folder of the folders of videos.
+        video: its name in C3VD.
+        settings: of the whole phantom.
+        frame_done: called after each frame.
+    """
+    partial = root / f"{PARTIAL}{video}-{os.getpid()}"
+    shutil.rmtree(partial, ignore_errors=True)
+    partial.mkdir(parents=True)
+    try:
+        _write_frames(partial, video, settings, frame_done)
+        _write_manifest(partial, video, settings)
+        shutil.rmtree(root / video, ignore_errors=True)
+        partial.replace(root / video)
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+
+
+def _write_frames(
+    folder: Path, video: str, settings: PhantomSettings, frame_done: Callable[[], None]
+) -> None:
+    row, trajectory = video_table()[video], video.rsplit("_", 1)[1]
+    colon = build_colon(SEGMENTS[row.segment], random_stream(settings.seed, row.segment, trajectory))
+    mucosa = Mucosa(colon, PALETTES[row.texture], random_stream(settings.seed, video, "surface"))
+    renderer = Renderer(colon, mucosa, phantom_camera(settings))
+    poses = camera_poses(colon, settings.frames_per_video, random_stream(settings.seed, video, "way"))
+    for number, pose in enumerate(poses):
+        _write_frame(folder, number, renderer.frame(pose, random_stream(settings.seed, video, number)))
+        frame_done()
+    lines = poses.transpose(0, 2, 1).reshape(-1, 16)  # C3VD's p_world = [p, 1] @ M is the transpose
+    np.savetxt(folder / "pose.txt", lines, fmt="%.9g", delimiter=",")
+
+
+def _write_frame(folder: Path, number: int, frame: Frame) -> None:
+    _write_image(folder / f"{number:04d}_color.png", frame.color[..., ::-1], ())
+    _write_image(folder / f"{number:04d}_depth.tiff", frame.depth, UNCOMPRESSED)
+    _write_image(folder / f"{number:04d}_normals.tiff", frame.normals[..., ::-1], UNCOMPRESSED)
+
+
+def _write_image(path: Path, pixels: np.ndarray, options: tuple[int, ...]) -> None:
+    if not cv2.imwrite(str(path), np.ascontiguousarray(pixels), options):
+        raise OSError(f"{path}: could not be written")
+
+
+def _write_manifest(folder: Path, video: str, settings: PhantomSettings) -> None:
+    """Written last: what the folder holds and from which settings it comes."""
+    files = {path.name: path.stat().st_size for path in sorted(folder.iterdir())}
+    recipe = recipe_of(settings)
+    manifest = {"video": video, "hash": recipe_hash(recipe), "settings": recipe, "files": files}
+    (folder / MANIFEST).write_text(json.dumps(manifest, indent=1), encoding="utf-8")
+
+
+def recipe_of(settings: PhantomSettings) -> dict[str, Any]:
+    """What decides the bytes of a video, by name."""
+    recipe = {"version": VERSION, **asdict(settings), "size_hw": list(settings.size_hw)}
+    del recipe["videos"]
+    return recipe
+
+
+def recipe_hash(recipe: dict[str, Any]) -> str:
+    """A short name of a recipe."""
+    return hashlib.sha256(json.dumps(recipe, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def read_manifest(folder: Path) -> dict[str, Any] | None:
+    """The manifest of a video's folder; None where it is missing or cut off."""
+    try:
+        manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    known = isinstance(manifest, dict) and {"video", "hash", "settings", "files"} <= manifest.keys()
+    return manifest if known else None
+
+
+def video_is_complete(folder: Path, settings: PhantomSettings) -> bool:
+    """Whether a folder holds a video of these settings with every file at its full size."""
+    manifest = read_manifest(folder)
+    if manifest is None or manifest["hash"] != recipe_hash(recipe_of(settings)):
+        return False
+    paths = {folder / name: size for name, size in manifest["files"].items()}
+    return all(path.is_file() and path.stat().st_size == size for path, size in paths.items())
+
+
+def check_root(root: Path, settings: PhantomSettings) -> None:
+    """Refuse a folder that holds anything but videos of these settings.
+
+    Raises:
+        DataError: names the folder, what differs and what to do.
+    """
+    if root.exists() and not root.is_dir():
+        raise DataError(f"{root}: expected a folder for the phantom, got a file; choose another data.root")
+    folders = sorted(p for p in root.glob("[!.]*") if p.is_dir() and any(p.iterdir()))
+    for folder in folders:
+        if not (folder / MANIFEST).is_file():
+            raise DataError(
+                f"{root}: {folder.name} has no {MANIFEST}, so it is not a phantom's and stays untouched; "
+                "choose another data.root"
+            )
+        _check_recipe(root, folder, recipe_of(settings))
+
+
+def _check_recipe(root: Path, folder: Path, recipe: dict[str, Any]) -> None:
+    manifest = read_manifest(folder)
+    if manifest is None or manifest["settings"] == recipe:
+        return
+    there = manifest["settings"]
+    differing = [name for name in recipe if there.get(name) != recipe[name]]
+    listed = ", ".join(f"{name} is {there.get(name)}, not {recipe[name]}" for name in differing)
+    raise DataError(
+        f"{root}: {folder.name} was rendered with other settings ({listed}); "
+        "choose another data.root or delete this one"
+    )
+
+
+def remove_stale(root: Path) -> None:
+    """Delete what interrupted processes left behind; folders of running ones stay."""
+    for folder in root.glob(f"{PARTIAL}*"):
+        process = folder.name.rpartition("-")[2]
+        if not (process.isdigit() and _is_running(int(process))):
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def _is_running(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True
