@@ -8,6 +8,10 @@ class DataError(ValueError):
     """A file or folder of a data set breaks a rule; the message names it and says what to do."""
 
 
+class UserError(Exception):
+    """Something that the caller has to change; the text is all there is to show."""
+
+
 def nearest_name(name: str, known: Iterable[str]) -> str:
     """A hint such as `; did you mean 'bts'?`, or nothing where no known name is close."""
     close = difflib.get_close_matches(name, list(known), n=1, cutoff=0.5)

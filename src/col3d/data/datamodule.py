@@ -8,6 +8,7 @@ from lightning import LightningDataModule
 from torch.utils.data import DataLoader, Dataset, DistributedSampler, Sampler
 
 from col3d.batch import Batch
+from col3d.checks import DataError
 from col3d.data.transforms import Augment, Resize
 
 Frames = Dataset[dict[str, Any]]
@@ -62,6 +63,10 @@ class FrameDataModule(LightningDataModule):
         self.frames = dict(frames)
         self.batch_size, self.workers, self.augment, self.seed = batch_size, workers, augment, seed
 
+    def lengths(self) -> dict[str, int]:
+        """Number of frames by split."""
+        return {split: len(frames) for split, frames in self.frames.items()}  # type: ignore[arg-type]
+
     def train_dataloader(self) -> DataLoader[Any]:
         """Shuffled by (seed, epoch); the last, smaller batch is used too."""
         rank, world_size = self._place()
@@ -86,7 +91,12 @@ class FrameDataModule(LightningDataModule):
 
     def _evaluation(self, split: str) -> DataLoader[Any]:
         rank, world_size = self._place()
-        return self._loader(split, EveryFrameOnce(len(self.frames[split]), rank, world_size))  # type: ignore[arg-type]
+        if self.lengths()[split] < world_size:
+            raise DataError(
+                f"data.split.{split}: {self.lengths()[split]} frames are fewer than {world_size} processes; "
+                "take more frames or fewer trainer.devices"
+            )
+        return self._loader(split, EveryFrameOnce(self.lengths()[split], rank, world_size))
 
     def _loader(self, split: str, sampler: Sampler[int]) -> DataLoader[Any]:
         return DataLoader(

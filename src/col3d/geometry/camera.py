@@ -56,10 +56,14 @@ class Camera(ABC):
 
         Directions that no pixel sees get a pixel far outside the image or NaN, never one inside it.
         """
-        across = points[..., :2].norm(dim=-1, keepdim=True)
-        radius = self.plane_radius(across, points[..., 2:])
-        plane = points[..., :2] * torch.where(across > 0, radius / across.clamp_min(1e-30), 0.0)
-        return plane @ self._stretch_on(points).T + points.new_tensor(self.centre)
+        across, along = points[..., :2].norm(dim=-1, keepdim=True), points[..., 2:]
+        radius = self.plane_radius(across, along)
+        ahead = along > 0
+        on_axis = self.profile(torch.zeros_like(along)) / torch.where(ahead, along, 1.0)
+        scale = torch.where(
+            across > 0, radius / across.clamp_min(1e-30), torch.where(ahead, on_axis, torch.nan)
+        )
+        return points[..., :2] * scale @ self._stretch_on(points).T + points.new_tensor(self.centre)
 
     def resized(self: CameraType, size_hw: tuple[int, int]) -> CameraType:
         """The camera of the image resized to this size: corners stay put, centres move by half a pixel."""
@@ -69,7 +73,7 @@ class Camera(ABC):
 
     def cropped(self: CameraType, top: int, left: int, height: int, width: int) -> CameraType:
         """The camera of the image cut out at this place."""
-        return self._moved((height, width), ((1.0, 0.0), (0.0, 1.0)), (-left, -top))
+        return self._moved((height, width), ((1.0, 0.0), (0.0, 1.0)), (-float(left), -float(top)))
 
     def flipped(self: CameraType) -> CameraType:
         """The camera of the image mirrored left to right; x of every ray and vector changes its sign."""
@@ -97,7 +101,7 @@ class Camera(ABC):
         """Pixels move by `linear` and `offset`, vectors turn by the orthogonal `turn`: S' = A S T^-1."""
         a, s, t = (torch.tensor(m, dtype=torch.float64) for m in (linear, self.stretch, turn))
         (s00, s01), (s10, s11) = (a @ s @ t.T).tolist()
-        centre = (a @ torch.tensor(self.centre, dtype=torch.float64) + torch.tensor(offset)).tolist()
+        centre = (a @ a.new_tensor(self.centre) + a.new_tensor(offset)).tolist()
         return replace(
             self,
             size_hw=(size_hw[0], size_hw[1]),
@@ -110,6 +114,7 @@ class Camera(ABC):
 
 
 @lru_cache(maxsize=64)
+@torch.inference_mode(False)  # first asked for during a validation, the rays must serve training too
 def _rays(camera: Camera) -> Tensor:
     height, width = camera.size_hw
     v, u = torch.meshgrid(
@@ -193,7 +198,8 @@ class OmnidirectionalCamera(Camera):
             for _ in range(NEWTON_STEPS):
                 radius = radius - self._newton_step(wide_across, wide_along, radius)
         radius = radius - self._newton_step(wide_across, wide_along, radius)
-        seen = (radius > -1e-6) & (radius < self.max_radius)
+        same_side = self.profile(radius) * wide_along >= 0
+        seen = (radius > -1e-6) & (radius < self.max_radius) & same_side
         return torch.where(seen, radius, torch.nan).to(across.dtype)
 
     def _newton_step(self, across: Tensor, along: Tensor, radius: Tensor) -> Tensor:

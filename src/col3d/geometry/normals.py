@@ -6,8 +6,8 @@ from torch import Tensor
 
 from col3d.geometry.depth import points_from_depth
 
-TINY = 1e-30
-"""Squared length below which a vector has no direction in float32."""
+TINY = 1e-24
+"""Squared length below which a vector has no direction: its power of -3/2, in the gradient, fits float32."""
 
 MIN_AHEAD = 1e-3
 """Rays that point less ahead than this (their z) have no depth along the axis."""
@@ -67,8 +67,13 @@ def _difference(points: Tensor, known: Tensor, dim: int) -> tuple[Tensor, Tensor
 
 
 def angle_between(a: Float[Tensor, "*b 3 h w"], b: Float[Tensor, "*b 3 h w"]) -> Float[Tensor, "*b 1 h w"]:
-    """Angle between vectors of any length, in degrees: atan2(|a x b|, a . b), exact at 0 and 180 degrees."""
-    crossed = torch.linalg.cross(a, b, dim=-3).square().sum(dim=-3, keepdim=True)
+    """Angle between vectors in degrees: atan2(|a x b|, a . b); 0 where one is zero.
+
+    For vectors of any length from 1e-8 to 1e8; exactly 0 and 180 degrees between equal and opposite ones,
+    because each product of a x b is rounded by itself (`torch.linalg.cross` fuses them).
+    """
+    cross = a.roll(-1, dims=-3) * b.roll(-2, dims=-3) - a.roll(-2, dims=-3) * b.roll(-1, dims=-3)
+    crossed = cross.square().sum(dim=-3, keepdim=True)
     apart = crossed > 0
     sine = torch.where(apart, torch.where(apart, crossed, 1.0).sqrt(), 0.0)
     return torch.rad2deg(torch.atan2(sine, (a * b).sum(dim=-3, keepdim=True)))

@@ -1,0 +1,127 @@
+"""The Hydra side of every entry point: compose, refuse bad input in a line, hand plain values on."""
+
+import hashlib
+import os
+import re
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from hydra import compose, initialize_config_dir
+from hydra import main as hydra_main
+from hydra.core.hydra_config import HydraConfig
+from hydra.errors import HydraException
+from hydra.types import RunMode
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from col3d.checks import DataError, UserError, nearest_name
+
+CONF = Path(__file__).parent / "conf"
+BAD_INPUT = (DataError, UserError)
+EXIT_CODE = 2
+LONGEST_NAME = 100
+Run = Callable[[dict[str, Any]], Any]
+
+
+def slug(overrides: str) -> str:
+    """A folder's name for the overrides of a job: readable, and unique where it had to be shortened."""
+    name = re.sub(r"[^A-Za-z0-9._]+", "-", overrides.replace(",", "_")).strip("-") or "default"
+    digest = hashlib.sha1(overrides.encode()).hexdigest()[:8]
+    exact = re.fullmatch(r"[A-Za-z0-9._=/,]*", overrides) and len(name) <= LONGEST_NAME
+    return name if exact else f"{name[:LONGEST_NAME]}-{digest}"
+
+
+OmegaConf.register_new_resolver("slug", slug, replace=True)
+
+
+def launch(config_name: str, run: Run) -> None:
+    """Compose `conf/<config_name>.yaml` with the command line and call `run` with plain values.
+
+    Bad input ends in one line for each fault and exit code 2; any other exception keeps its traceback.
+    """
+    os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra hands exceptions on instead of printing them
+
+    def job(config: DictConfig) -> Any:
+        try:
+            given = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
+            assert isinstance(given, dict)
+            return run({str(key): value for key, value in given.items()})
+        except (OmegaConfBaseException, *BAD_INPUT) as error:
+            _drop_if_empty(Path(HydraConfig.get().runtime.output_dir))
+            if HydraConfig.get().mode == RunMode.MULTIRUN:
+                raise  # the jobs that follow are to run
+            _refuse(str(error) if isinstance(error, BAD_INPUT) else _explain(error, config_name))
+
+    try:
+        hydra_main(version_base="1.3", config_path=str(CONF), config_name=config_name)(job)()
+    except (HydraException, OmegaConfBaseException) as error:
+        _refuse(_explain(error, config_name))
+    except BAD_INPUT as error:
+        _refuse(str(error))
+
+
+def _drop_if_empty(folder: Path) -> None:
+    """Leave no folder behind for a job that never began."""
+    if folder != Path.cwd() and folder.is_dir() and not any(folder.iterdir()):
+        folder.rmdir()
+
+
+def _refuse(message: str) -> None:
+    print("\n".join(f"error: {line}" for line in message.splitlines()), file=sys.stderr)
+    sys.exit(EXIT_CODE)
+
+
+def _explain(error: Exception, config_name: str) -> str:
+    """Hydra's complaint about the command line as one line, with the nearest valid name."""
+    text = " ".join(f"{error} {error.__cause__ or ''}".split())
+    for pattern, explanation in COMPLAINTS.items():
+        if found := re.search(pattern, text):
+            return explanation(found.group(1), config_name)
+    return text
+
+
+def _unknown_option(option: str, config_name: str) -> str:
+    return f"{option}: no such option{nearest_name(option, _options(config_name))}"
+
+
+def _unknown_choice(choice: str, config_name: str) -> str:
+    group, _, name = choice.rpartition("/")
+    known = sorted(path.stem for path in (CONF / group).glob("*.yaml"))
+    return f"{group}: {name!r} is unknown{nearest_name(name, known)} Known: {', '.join(known)}"
+
+
+def _missing_value(option: str, config_name: str) -> str:
+    return f"{option}: a value is needed; give {option}=..."
+
+
+def _bare_list(option: str, config_name: str) -> str:
+    return f"{option}: write a list in brackets, [0.5,0.3,0.2], or sweep over the values with -m"
+
+
+def _unreadable(override: str, config_name: str) -> str:
+    return f"{override}: not key=value; write lists without spaces, such as loss.lambdas=[0.5,0.3,0.2]"
+
+
+COMPLAINTS: dict[str, Callable[[str, str], str]] = {
+    r"Could not override '([^']+)'": _unknown_option,
+    r"Could not find '([^']+)'": _unknown_choice,
+    r"Missing mandatory value.*full_key: (\S+)": _missing_value,
+    r"Ambiguous value for argument '([^=]+)=": _bare_list,
+    r"(?:no viable alternative|mismatched|extraneous|token).*?'([^']*)'": _unreadable,
+}
+
+
+def _options(config_name: str) -> list[str]:
+    """Every option of the configuration, dotted."""
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        config = OmegaConf.to_container(compose(config_name), resolve=False)
+    return list(_dotted(config)) + [path.name for path in CONF.iterdir() if path.is_dir()]
+
+
+def _dotted(node: Any, prefix: str = "") -> list[str]:
+    if not isinstance(node, dict):
+        return [prefix]
+    inside = [name for key, value in node.items() for name in _dotted(value, f"{prefix}.{key}".strip("."))]
+    return [prefix, *inside] if prefix else inside

@@ -1,0 +1,164 @@
+"""Checked options -> objects."""
+
+import functools
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import nn
+from torch.optim import Adam, AdamW, Optimizer
+from torch.optim.lr_scheduler import LRScheduler
+
+from col3d.app.config import (
+    DataOptions,
+    OptimizerOptions,
+    PhantomOptions,
+    SchedulerOptions,
+    TrainOptions,
+)
+from col3d.checks import DataError, UserError
+from col3d.data.c3vd import C3VD, video_folders
+from col3d.data.datamodule import FrameDataModule, Resized
+from col3d.data.phantom import PhantomSettings, phantom_camera, render_phantom
+from col3d.data.splits import SPLITS, check_counts, paper_split, parse_selection, video_table
+from col3d.data.transforms import Augment, Resize
+from col3d.geometry import Camera, OmnidirectionalCamera
+from col3d.losses import WeightedLoss
+from col3d.models import create
+from col3d.tasks import SupervisedTask
+from col3d.tasks.optimisation import polynomial_decay
+
+
+def phantom_settings(options: PhantomOptions, videos: Iterable[str] | None = None) -> PhantomSettings:
+    """What is asked to be rendered: these videos, or all."""
+    height, width = options.size
+    return PhantomSettings(
+        size_hw=(height, width),
+        frames_per_video=options.frames_per_video,
+        seed=options.seed,
+        videos=tuple(video_table() if videos is None else videos),
+    )
+
+
+def camera(options: DataOptions, phantom: PhantomOptions) -> Camera:
+    """Lens and size of the stored frames."""
+    if options.name == "phantom":
+        return phantom_camera(phantom_settings(phantom))
+    return OmnidirectionalCamera.c3vd()
+
+
+def frame_sets(
+    options: DataOptions, phantom: PhantomOptions, splits: Iterable[str] = SPLITS
+) -> dict[str, C3VD]:
+    """The frames of each part of the split at full resolution; the phantom is rendered first where it is not.
+
+    Raises:
+        DataError: a video is missing, or a file is not what it should be.
+    """
+    root = Path(options.root)
+    if options.name == "phantom":
+        render_phantom(root, phantom_settings(phantom, _videos(options, splits)))
+    entries = _entries_at_hand(options, root, splits)
+    sets = {
+        split: C3VD(root, chosen, options.release, options.normals, camera(options, phantom))
+        for split, chosen in entries.items()
+    }
+    if options.name == "c3vd" and not options.allow_missing:
+        for split, frames in sets.items():
+            if entries[split] == paper_split()[split]:
+                _check_paper_counts(frames)
+    return sets
+
+
+def _videos(options: DataOptions, splits: Iterable[str]) -> list[str]:
+    entries = [entry for split in splits for entry in getattr(options.split, split)]
+    return sorted({parse_selection(entry).video for entry in entries})
+
+
+def _entries_at_hand(options: DataOptions, root: Path, splits: Iterable[str]) -> dict[str, list[str]]:
+    """Entries of the split, without those of missing videos where that is allowed."""
+    present = video_folders(root)
+    entries: dict[str, list[str]] = {}
+    missing: list[str] = []
+    for split in splits:
+        named = {entry: parse_selection(entry, present).video for entry in getattr(options.split, split)}
+        missing += [video for video in named.values() if video not in present and video not in missing]
+        entries[split] = [entry for entry, video in named.items() if video in present]
+    if missing and not options.allow_missing:
+        raise DataError(
+            f"data.root={root}: videos {', '.join(missing)} of split {options.split.name} are missing; copy "
+            "them there, name other videos in data.split, or set data.allow_missing=true to leave them out"
+        )
+    for split, chosen in entries.items():
+        if not chosen:
+            raise DataError(f"data.root={root}: no video of data.split.{split} is there")
+    if missing:
+        print(f"note: left out, because data.allow_missing=true: {', '.join(missing)}", flush=True)
+    return entries
+
+
+def _check_paper_counts(frames: C3VD) -> None:
+    counts: dict[str, int] = {}
+    for frame in frames.frames:
+        counts[frame.video] = counts.get(frame.video, 0) + 1
+    for release in set(frames.releases.values()):
+        check_counts({v: n for v, n in counts.items() if frames.releases[v] == release}, release)
+
+
+def data_module(
+    options: DataOptions, phantom: PhantomOptions, seed: int, splits: Iterable[str] = SPLITS
+) -> FrameDataModule:
+    """Loaders of resized frames."""
+    height, width = options.size
+    resize = Resize((height, width), camera(options, phantom))
+    sets = frame_sets(options, phantom, splits)
+    return FrameDataModule(
+        {split: Resized(frames, resize) for split, frames in sets.items()},
+        batch_size=options.batch_size,
+        workers=options.workers,
+        augment=Augment(**options.augment.model_dump()),
+        seed=seed,
+    )
+
+
+def task(options: TrainOptions) -> SupervisedTask:
+    """Network, loss and optimisation.
+
+    Raises:
+        UserError: the encoder or its weights are not to be had.
+    """
+    model = options.model
+    try:
+        network = create(model.name, model.encoder, model.max_depth, model.pretrained, model.width)
+    except (ValueError, OSError, RuntimeError) as error:
+        raise UserError(str(error)) from None
+    loss = options.loss
+    return SupervisedTask(
+        network,
+        WeightedLoss(loss.lambdas, loss.depth, loss.normals, loss.consistency, loss.geometry),
+        optimizer(options.optimizer),
+        scheduler(options.scheduler),
+        options.model_dump(mode="json"),
+    )
+
+
+def optimizer(options: OptimizerOptions) -> Callable[[Iterable[nn.Parameter]], Optimizer]:
+    """Parameters -> optimiser."""
+    kind: Any = {"adamw": AdamW, "adam": Adam}[options.name]
+    betas = (options.betas[0], options.betas[1])
+    return functools.partial(
+        kind, lr=options.lr, weight_decay=options.weight_decay, eps=options.eps, betas=betas
+    )
+
+
+def scheduler(options: SchedulerOptions) -> Callable[[Optimizer, int], LRScheduler] | None:
+    """(optimiser, steps) -> schedule, or None for a constant rate."""
+    if options.name == "constant":
+        return None
+    return functools.partial(polynomial_decay, power=options.power, final_ratio=options.final_ratio)
+
+
+def load_weights(built: SupervisedTask, checkpoint: Path) -> None:
+    """Load a checkpoint of ours into a task, opened as weights and plain values only."""
+    built.load_state_dict(torch.load(checkpoint, map_location="cpu", weights_only=True)["state_dict"])

@@ -1,0 +1,95 @@
+"""What an evaluation leaves behind: per_frame.csv, summary.json, panels, and the table on screen."""
+
+import json
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from lightning import Callback, LightningModule
+from lightning.pytorch.loggers import Logger, WandbLogger
+
+from col3d.app.config import TrainOptions
+from col3d.callbacks import ImagePanels, PerFrameTable
+from col3d.data.splits import describe
+from col3d.reports.per_frame import means
+from col3d.reports.summary import print_summary, summarise, write_json
+
+VERSIONS = ("col3d", "torch", "lightning", "torchmetrics", "timm", "kornia", "numpy")
+
+
+class Results:
+    """Callbacks that collect the results of one evaluation, and the files they end in.
+
+    Args:
+        options: of the training.
+        folder: where the files go.
+        split: which part is evaluated.
+        frames: number of frames of each part.
+        panels: how many pictures; as in the options when absent.
+    """
+
+    def __init__(
+        self,
+        options: TrainOptions,
+        folder: Path,
+        split: str,
+        frames: Mapping[str, int],
+        panels: int | None = None,
+    ) -> None:
+        self.folder = folder
+        self.facts: dict[str, str | int] = {
+            "model": options.model.name,
+            "seed": options.seed,
+            "data": options.data.name,
+            "split": split,
+            "protocol": options.protocol.name,
+        }
+        self.context = {"split_name": options.data.split.name, "frames_by_split": dict(frames)}
+        self.table = PerFrameTable(folder / "per_frame.csv", self.facts, describe)
+        count = options.callbacks.panels if panels is None else panels
+        self.panels = ImagePanels(folder / "panels", count)
+        self.callbacks: list[Callback] = [self.table, self.panels]
+
+    def write(
+        self,
+        task: LightningModule,
+        checkpoint: Path,
+        best: Mapping[str, float],
+        loggers: Sequence[Logger] = (),
+    ) -> None:
+        """Write summary.json, log to Weights & Biases, and print the table with the paths."""
+        facts = {
+            **self.facts,
+            **self.context,
+            "checkpoint": str(checkpoint),
+            "best": dict(best),
+            "baseline": means(self.table.baseline),
+            "parameters": sum(p.numel() for p in task.parameters() if p.requires_grad),
+            "versions": {name: version(name) for name in VERSIONS},
+        }
+        summary = summarise(self.table.rows, facts)
+        for logger in loggers:
+            logger.log_metrics({f"test/{name}": value for name, value in summary["metrics"].items()})
+            logger.save()
+            if isinstance(logger, WandbLogger) and self.panels.paths:
+                logger.log_image("panels", [str(path) for path in self.panels.paths])
+        write_json(self.folder / "summary.json", summary)
+        print_summary(summary)
+        self._print_paths(checkpoint)
+
+    def _print_paths(self, checkpoint: Path) -> None:
+        wrote = [
+            self.folder / name for name in ("summary.json", "per_frame.csv", "metrics.csv", "config.yaml")
+        ]
+        lines = [str(path) for path in (*wrote, self.folder / "panels", checkpoint) if path.exists()]
+        print("wrote", *lines, sep="\n  ", flush=True)
+
+
+def read_summary(folder: Path) -> dict[str, Any] | None:
+    """The summary of a finished run, or None."""
+    path = folder / "summary.json"
+    if not path.is_file():
+        return None
+    summary: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return summary

@@ -1,0 +1,46 @@
+"""Where metrics are logged: metrics.csv, and Weights & Biases where it is asked for."""
+
+import csv
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from lightning.pytorch.loggers import CSVLogger, Logger
+from torch import Tensor
+
+from col3d.app.config import TrainOptions
+
+
+def csv_logger(folder: Path, continued: bool) -> CSVLogger:
+    """Logs into metrics.csv; a run that goes on keeps the rows it had."""
+    path = folder / "metrics.csv"
+    before = list(csv.DictReader(path.read_text().splitlines())) if continued and path.is_file() else []
+    logger = CSVLogger(folder, name="", version="")
+    for row in before:
+        values: dict[str, Tensor | float] = {k: float(v) for k, v in row.items() if v and k != "step"}
+        logger.log_metrics(values, int(row["step"]))
+    return logger
+
+
+@contextmanager
+def wandb_run(options: TrainOptions, folder: Path) -> Iterator[list[Logger]]:
+    """The logger, imported only now; a run that ends in an exception is marked as failed."""
+    if options.logger.name != "wandb":
+        yield []
+        return
+    import wandb
+    from lightning.pytorch.loggers import WandbLogger
+
+    logger = WandbLogger(
+        name=folder.name,
+        save_dir=folder,
+        project=options.logger.project,
+        offline=options.logger.offline,
+        config=options.model_dump(mode="json"),
+    )
+    code = 1
+    try:
+        yield [logger]
+        code = 0
+    finally:
+        wandb.finish(exit_code=code)

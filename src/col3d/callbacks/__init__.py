@@ -1,0 +1,8 @@
+"""What watches a training and writes its results."""
+
+from col3d.callbacks.epoch_lines import EpochLines
+from col3d.callbacks.finite_loss import FiniteLoss
+from col3d.callbacks.panels import ImagePanels
+from col3d.callbacks.per_frame import PerFrameTable
+
+__all__ = ["EpochLines", "FiniteLoss", "ImagePanels", "PerFrameTable"]

@@ -1,0 +1,28 @@
+"""A line for each epoch, for logs and terminals without a progress bar."""
+
+import time
+
+from lightning import Callback, LightningModule, Trainer
+
+
+class EpochLines(Callback):
+    """Prints losses, the watched metrics, the time of the epoch and an estimate of what is left."""
+
+    SHOWN = ("train/loss", "val/loss", "val/abs_rel", "val/delta1", "val/angle_mean")
+
+    def on_fit_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Start the clock."""
+        self.start, self.first = time.monotonic(), trainer.current_epoch
+
+    def on_train_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Print the line on the first process."""
+        if not trainer.is_global_zero:
+            return
+        done, last = trainer.current_epoch + 1, trainer.max_epochs or 0
+        pace = (time.monotonic() - self.start) / (done - self.first)
+        known = [name for name in self.SHOWN if name in trainer.callback_metrics]
+        values = "  ".join(f"{name} {trainer.callback_metrics[name].item():.4f}" for name in known)
+        print(
+            f"epoch {done}/{last}  {values}  {pace:.1f} s an epoch, {pace * (last - done):.0f} s left",
+            flush=True,
+        )

@@ -1,0 +1,74 @@
+"""Pictures of a few test frames."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from lightning import Callback, LightningModule, Trainer
+from torch import Tensor
+
+from col3d.geometry import angle_between
+from col3d.reports.panel import save_panel
+
+
+class ImagePanels(Callback):
+    """Saves panels of frames spread evenly over the test set.
+
+    Args:
+        folder: where they go.
+        count: how many.
+    """
+
+    def __init__(self, folder: Path, count: int) -> None:
+        self.folder, self.count = folder, count
+        self.paths: list[Path] = []
+
+    def on_test_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Choose the frames."""
+        self.paths, self.seen = [], 0
+        frames = len(trainer.datamodule.frames["test"])  # type: ignore[attr-defined]
+        self.chosen = set(np.linspace(0, frames - 1, min(self.count, frames)).round().astype(int).tolist())
+        if trainer.is_global_zero:
+            self.folder.mkdir(parents=True, exist_ok=True)
+
+    def on_test_batch_end(
+        self,
+        trainer: Trainer,
+        pl_module: LightningModule,
+        outputs: Any,
+        batch: Any,
+        batch_idx: int,
+        dataloader_idx: int = 0,
+    ) -> None:
+        """Draw the chosen frames of a batch; each process draws its own."""
+        for i, video in enumerate(batch["video"]):
+            position = (self.seen + i) * trainer.world_size + trainer.global_rank
+            if position in self.chosen:
+                number = int(batch["frame"][i])
+                path = self.folder / f"{video}_{number:04d}.png"
+                errors = {name: values[i].item() for name, values in outputs["values"].items()}
+                title = f"{video}, frame {number}: abs_rel {errors['abs_rel']:.3f}"
+                if "angle_mean" in errors:
+                    title += f", mean angle {errors['angle_mean']:.1f} degrees"
+                save_panel(path, _maps(batch, outputs["prediction"], i), title)
+                self.paths.append(path)
+        self.seen += len(batch["video"])
+
+
+def _maps(batch: Any, prediction: Any, index: int) -> dict[str, np.ndarray]:
+    def picture(values: Tensor) -> np.ndarray:
+        array: np.ndarray = values[index].permute(1, 2, 0).detach().float().cpu().numpy()
+        return array
+
+    maps = {
+        "image": picture(batch["image"]),
+        "depth": picture(batch["depth"])[..., 0],
+        "depth_pred": picture(prediction["depth"])[..., 0],
+        "mask": picture(batch["mask"])[..., 0] > 0,
+    }
+    if "normals" in prediction:
+        maps["normals_pred"] = picture(prediction["normals"])
+    if "normals" in prediction and "normals" in batch:
+        maps["normals"] = picture(batch["normals"])
+        maps["angle"] = picture(angle_between(prediction["normals"].float(), batch["normals"]))[..., 0]
+    return maps

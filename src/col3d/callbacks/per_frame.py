@@ -1,0 +1,74 @@
+"""Collects the metrics of every test frame and writes `per_frame.csv`."""
+
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import torch
+from lightning import Callback, LightningModule, Trainer
+
+from col3d.reports.per_frame import write_per_frame
+
+Row = dict[str, str | int | float]
+
+
+class PerFrameTable(Callback):
+    """One row a frame, gathered from all processes, in the order of videos and frames.
+
+    Args:
+        path: where the table goes.
+        facts: columns that are the same for all rows: model, seed, data, split, protocol.
+        describe: video -> (segment, texture).
+    """
+
+    def __init__(
+        self, path: Path, facts: Mapping[str, str | int], describe: Callable[[str], tuple[str, str]]
+    ) -> None:
+        self.path, self.facts, self.describe = path, dict(facts), describe
+        self.rows: list[Row] = []
+        self.baseline: list[Row] = []
+
+    def on_test_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Begin an empty table."""
+        self.rows, self.baseline = [], []
+
+    def on_test_batch_end(
+        self,
+        trainer: Trainer,
+        pl_module: LightningModule,
+        outputs: Any,
+        batch: Any,
+        batch_idx: int,
+        dataloader_idx: int = 0,
+    ) -> None:
+        """Add the frames of a batch."""
+        valid = batch["mask"].flatten(1).any(dim=1).tolist()
+        for i, (video, frame) in enumerate(zip(batch["video"], batch["frame"].tolist(), strict=True)):
+            segment, texture = self.describe(video)
+            where = {**self.facts, "video": video, "segment": segment, "texture": texture, "frame": frame}
+            self.rows.append({**where, **_values(outputs["values"], i, valid[i])})
+            self.baseline.append({**where, **_values(outputs["baseline"], i, valid[i])})
+
+    def on_test_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Gather, order and write."""
+        if trainer.world_size > 1:
+            self.rows, self.baseline = (
+                _gather(rows, trainer.world_size) for rows in (self.rows, self.baseline)
+            )
+        for rows in (self.rows, self.baseline):
+            rows.sort(key=lambda row: (row["video"], row["frame"]))
+        if trainer.is_global_zero:
+            write_per_frame(self.path, self.rows)
+
+
+def _values(values: Mapping[str, torch.Tensor], index: int, valid: bool) -> Row:
+    """Metrics of one frame; none for a frame without a valid pixel."""
+    found = {name: value[index].item() for name, value in values.items()}
+    return {name: value for name, value in found.items() if valid or not math.isnan(value)}
+
+
+def _gather(rows: list[Row], world_size: int) -> list[Row]:
+    gathered: list[list[Row]] = [[] for _ in range(world_size)]
+    torch.distributed.all_gather_object(gathered, rows)
+    return [row for part in gathered for row in part]

@@ -1,0 +1,1 @@
+"""Reads tables that runs wrote and makes tables and figures of them; knows no torch."""

@@ -1,0 +1,75 @@
+"""`summary.json` of a run, and the same as a table on screen."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+
+from col3d.reports.per_frame import DEPTH_METRICS, NORMAL_METRICS, Row, by_video, means
+
+HEADINGS = {
+    "abs_rel": "AbsRel",
+    "sq_rel": "SqRel mm",
+    "log10": "log10",
+    "rmse": "RMSE mm",
+    "rmse_log": "RMSElog",
+    "silog": "SILog %",
+    "delta1": "d1",
+    "delta2": "d2",
+    "delta3": "d3",
+    "angle_mean": "mean deg",
+    "angle_median": "median deg",
+    "within_11_25": "< 11.25 deg",
+    "within_22_5": "< 22.5 deg",
+    "within_30": "< 30 deg",
+}
+DECIMALS = {"rmse": 2, "silog": 2, "angle_mean": 2, "angle_median": 2}
+LOG_WIDTH = 120
+"""Columns to take where the output is no terminal."""
+ALL_FRAMES, BASELINE = "all frames", "mean training depth"
+
+
+def summarise(rows: Sequence[Row], facts: Mapping[str, Any]) -> dict[str, Any]:
+    """Means over all frames and by video, beside facts about the run."""
+    videos = {name: {"frames": len(of_it), **means(of_it)} for name, of_it in by_video(rows).items()}
+    return {**facts, "frames": len(rows), "metrics": means(rows), "videos": videos}
+
+
+def write_json(path: Path, content: Mapping[str, Any]) -> None:
+    """Write in one step."""
+    partial = path.with_suffix(".partial")
+    partial.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    partial.replace(path)
+
+
+def print_summary(summary: Mapping[str, Any], console: Console | None = None) -> None:
+    """All metrics by video and over all frames, with the mean training depth as the score to beat."""
+    console = console or Console()
+    if not console.is_terminal:
+        console.width = max(console.width, LOG_WIDTH)
+    title = "{model} on {data}, {split} split, seed {seed}, protocol {protocol}".format(**summary)
+    console.print(_table(f"Depth: {title}", DEPTH_METRICS, summary))
+    if NORMAL_METRICS[0] in summary["metrics"]:
+        console.print(_table(f"Normals: {title}", NORMAL_METRICS, summary))
+
+
+def _table(title: str, metrics: Sequence[str], summary: Mapping[str, Any]) -> Table:
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column("video", no_wrap=True)
+    for heading in ("frames", *(HEADINGS[name] for name in metrics)):
+        table.add_column(heading, justify="right")
+    for video, values in summary["videos"].items():
+        table.add_row(video, str(values["frames"]), *_cells(values, metrics))
+    table.add_section()
+    table.add_row(ALL_FRAMES, str(summary["frames"]), *_cells(summary["metrics"], metrics), style="bold")
+    if set(metrics) <= set(summary.get("baseline", ())):
+        table.add_row(BASELINE, str(summary["frames"]), *_cells(summary["baseline"], metrics), style="dim")
+    return table
+
+
+def _cells(values: Mapping[str, Any], metrics: Sequence[str]) -> list[str]:
+    return [f"{values[name]:.{DECIMALS.get(name, 3)}f}" if name in values else "-" for name in metrics]

@@ -1,0 +1,5 @@
+"""LightningModules, one for each way of optimising."""
+
+from col3d.tasks.supervised import SupervisedTask
+
+__all__ = ["SupervisedTask"]

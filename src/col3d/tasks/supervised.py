@@ -1,0 +1,134 @@
+"""Supervised training of depth, and of normals where the network predicts them."""
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, TypedDict
+
+import torch
+from lightning import LightningModule
+from torch import Tensor, nn
+from torch.optim import Optimizer
+from torch.optim.lr_scheduler import LRScheduler
+from torchmetrics import MeanMetric
+
+from col3d.batch import Batch, Prediction
+from col3d.metrics import DepthMetrics, FrameMean, NormalMetrics
+from col3d.metrics.functional import depth_metrics, normal_metrics
+
+
+class Scored(TypedDict):
+    """What a test step hands to the callbacks."""
+
+    prediction: Prediction
+    values: dict[str, Tensor]
+    """Each metric, one value a frame."""
+    baseline: dict[str, Tensor]
+    """Depth metrics of the mean training depth, one value a frame; empty before any training."""
+
+
+class SupervisedTask(LightningModule):
+    """One optimiser, one weighted sum of losses; validation and test by per-frame metrics.
+
+    Args:
+        network: image -> `Prediction`.
+        loss: (prediction, batch) -> terms by name and `total`.
+        optimizer: parameters -> optimiser.
+        scheduler: (optimiser, steps of the whole training) -> learning-rate schedule, stepped each batch.
+        options: plain options that built all this, kept in the checkpoint.
+    """
+
+    depth_sum: Tensor
+    depth_count: Tensor
+
+    def __init__(
+        self,
+        network: nn.Module,
+        loss: nn.Module,
+        optimizer: Callable[[Iterable[nn.Parameter]], Optimizer] | None = None,
+        scheduler: Callable[[Optimizer, int], LRScheduler] | None = None,
+        options: Mapping[str, Any] | None = None,
+    ) -> None:
+        super().__init__()
+        self.save_hyperparameters({"options": dict(options or {})}, logger=False)
+        self.network, self.loss = network, loss
+        self.optimizer, self.scheduler = optimizer, scheduler
+        self.val_metrics: dict[str, FrameMean] = nn.ModuleDict({"depth": DepthMetrics()})  # type: ignore[assignment]
+        if "normals" in getattr(network, "tasks", ()):
+            self.val_metrics["normals"] = NormalMetrics()
+        losses = _named(dict.fromkeys([*getattr(loss, "terms", ()), "total"], torch.zeros(())))
+        means = {name: MeanMetric(nan_strategy="disable") for name in losses}
+        self.val_losses: dict[str, MeanMetric] = nn.ModuleDict(means)  # type: ignore[assignment]
+        self.register_buffer("depth_sum", torch.zeros((), dtype=torch.float64))
+        self.register_buffer("depth_count", torch.zeros((), dtype=torch.float64))
+
+    def forward(self, image: Tensor) -> Prediction:
+        """The network's prediction."""
+        prediction: Prediction = self.network(image)
+        return prediction
+
+    def training_step(self, batch: Batch, batch_idx: int) -> Tensor:
+        """Weighted sum of the losses; every term is logged."""
+        losses = self.loss(self(batch["image"]), batch)
+        named = {f"train/{name}": value.detach() for name, value in _named(losses).items()}
+        size = len(batch["image"])
+        self.log_dict(named, batch_size=size, on_step=False, on_epoch=True, sync_dist=True)
+        if self.current_epoch == 0:
+            self.depth_sum += torch.where(batch["mask"], batch["depth"], 0.0).sum(dtype=torch.float64)
+            self.depth_count += batch["mask"].sum()
+        total: Tensor = losses["total"]
+        return total
+
+    def on_train_epoch_end(self) -> None:
+        """Share the mean training depth between processes."""
+        if self.current_epoch == 0 and self.trainer.world_size > 1:
+            reduce = self.trainer.strategy.reduce
+            self.depth_sum.copy_(reduce(self.depth_sum, reduce_op="sum"))
+            self.depth_count.copy_(reduce(self.depth_count, reduce_op="sum"))
+
+    def validation_step(self, batch: Batch, batch_idx: int) -> None:
+        """Losses and metrics."""
+        prediction = self(batch["image"])
+        for name, value in _named(self.loss(prediction, batch)).items():
+            self.val_losses[name].update(value, weight=len(batch["image"]))
+        for key, metric in self.val_metrics.items():
+            if key in batch:
+                metric.update(prediction[key], batch[key], batch["mask"])  # type: ignore[literal-required]
+
+    def on_validation_epoch_end(self) -> None:
+        """Log the means over frames, over all processes."""
+        values = {name: metric.compute() for name, metric in self.val_losses.items()}
+        for metric in self.val_metrics.values():
+            means = metric.compute()
+            if metric.frames > 0:
+                values |= means
+            metric.reset()
+        for loss in self.val_losses.values():
+            loss.reset()
+        self.log_dict({f"val/{name}": value.float() for name, value in values.items()}, sync_dist=True)
+
+    def test_step(self, batch: Batch, batch_idx: int) -> Scored:
+        """Prediction and the metrics of each frame."""
+        prediction = self(batch["image"])
+        mask = batch["mask"]
+        values = depth_metrics(prediction["depth"], batch["depth"], mask)
+        if "normals" in prediction and "normals" in batch:
+            values |= normal_metrics(prediction["normals"], batch["normals"], mask)
+        baseline = {}
+        if self.depth_count > 0:
+            mean = (self.depth_sum / self.depth_count).to(batch["depth"])
+            baseline = depth_metrics(mean.expand_as(batch["depth"]), batch["depth"], mask)
+        return {"prediction": prediction, "values": values, "baseline": baseline}
+
+    def configure_optimizers(self) -> Any:
+        """The optimiser, with a schedule over the steps of the whole training."""
+        if self.optimizer is None:
+            return None
+        optimizer = self.optimizer(self.network.parameters())
+        if self.scheduler is None:
+            return optimizer
+        schedule = self.scheduler(optimizer, int(self.trainer.estimated_stepping_batches))
+        return {"optimizer": optimizer, "lr_scheduler": {"scheduler": schedule, "interval": "step"}}
+
+
+def _named(losses: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """Terms as `loss_<term>`, their weighted sum as `loss`."""
+    return {"loss" if name == "total" else f"loss_{name}": value for name, value in losses.items()}

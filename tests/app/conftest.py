@@ -1,0 +1,28 @@
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from tiny_run import TINY, composed
+
+
+@pytest.fixture(scope="session")
+def phantom_root(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("phantom") / "frames"
+
+
+@pytest.fixture
+def tiny(phantom_root: Path, tmp_path: Path) -> Callable[..., dict[str, Any]]:
+    """Composes the smallest run, into the test's own folder."""
+
+    def compose_tiny(*overrides: str) -> dict[str, Any]:
+        place = (f"data.root={phantom_root}", f"output_dir={tmp_path / 'run'}")
+        return composed("train", *TINY, *place, *overrides)
+
+    return compose_tiny
+
+
+@pytest.fixture(autouse=True)
+def _offline(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("WANDB_SILENT", "true")
+    monkeypatch.setenv("WANDB_ERROR_REPORTING", "false")

@@ -1,0 +1,67 @@
+"""The entry points as a user calls them: exit codes and what is printed."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from launch import slug
+
+PROJECT = Path(__file__).parents[2]
+
+
+def call(script: str, *arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+    command = [sys.executable, str(PROJECT / script), *arguments]
+    return subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["loss.lambda=[1,1,1]"], ["loss.lambda: no such option", "did you mean 'loss.lambdas'"]),
+        (["modle=bts"], ["modle: no such option", "did you mean 'model'"]),
+        (["model=bst"], ["model: 'bst' is unknown", "did you mean 'bts'", "col3d_mtl"]),
+        (["loss.lambdas=0.5,0.3,0.2"], ["loss.lambdas", "in brackets"]),
+        (["loss.lambdas=[0.5,", "0.3]"], ["without spaces"]),
+        (["data=c3vd"], ["data.root: a value is needed"]),
+        (["loss.lambdas=[0.5,0.3]"], ["loss.lambdas", "3 weights"]),
+        (["data=c3vd", "data.root=nowhere"], ["data.root=nowhere", "no such folder"]),
+    ],
+)
+def test_bad_input_ends_in_one_line_and_exit_code_2(
+    arguments: list[str], expected: list[str], tmp_path: Path
+) -> None:
+    answer = call("train.py", *arguments, cwd=tmp_path)
+    assert answer.returncode == 2
+    assert len(answer.stderr.strip().splitlines()) == 1
+    for part in expected:
+        assert part in answer.stderr
+    assert not [path for path in tmp_path.rglob("*") if path.is_file()]
+
+
+def test_a_missing_checkpoint_is_refused(tmp_path: Path) -> None:
+    answer = call("evaluate.py", "checkpoint=none.ckpt", cwd=tmp_path)
+    assert (answer.returncode, answer.stderr.strip()) == (2, "error: checkpoint: no such file: none.ckpt")
+
+
+@pytest.mark.parametrize("script", ["train.py", "evaluate.py", "prepare.py"])
+def test_help_answers_without_heavy_imports(script: str, tmp_path: Path) -> None:
+    answer = call(script, "--help", cwd=tmp_path)
+    assert answer.returncode == 0
+    assert f"python {script}" in answer.stdout
+    code = f"import sys, runpy; sys.argv = ['{script}', '--help']\n"
+    code += f"try: runpy.run_path({str(PROJECT / script)!r}, run_name='__main__')\nexcept SystemExit: pass\n"
+    code += "assert not {'torch', 'lightning', 'cv2'} & set(sys.modules)"
+    subprocess.run([sys.executable, "-c", code], cwd=PROJECT, check=True, capture_output=True)
+
+
+def test_folders_are_named_for_the_overrides() -> None:
+    assert slug("") == "default"
+    assert slug("model=bts,seed=0") == "model-bts_seed-0"
+    one, other = slug("loss.lambdas=[0.5,0.3,0.2]"), slug("loss.lambdas=[0.5,0.3,0.2")
+    assert one != other
+    assert all(character not in one for character in "=[] /")
+    assert len(slug("x=" + "y" * 500)) < 120

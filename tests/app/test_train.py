@@ -1,0 +1,180 @@
+"""Whole runs, small: every model trains, everything is written, and the numbers agree with each other."""
+
+import csv
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+import yaml
+from test_launch import call
+from tiny_run import TINY, composed, real_frames
+
+from col3d.app.evaluate import evaluate
+from col3d.app.train import train
+from col3d.checks import DataError, UserError
+from col3d.reports.per_frame import DEPTH_METRICS, METRICS, means, read_per_frame
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*pin_memory.*")
+Compose = Callable[..., dict[str, Any]]
+EVALUATE = {
+    "split": "test",
+    "panels": 0,
+    "root": None,
+    "batch_size": None,
+    "workers": None,
+    "accelerator": "cpu",
+}
+
+
+@pytest.mark.parametrize("model", ["bts", "bts_cbam", "bts_cbam_mtl", "col3d_mtl"])
+def test_every_model_trains_and_leaves_its_results(model: str, tiny: Compose, tmp_path: Path) -> None:
+    given = tiny(f"model={model}")
+    score = train(given)
+    run = tmp_path / "run"
+    rows = read_per_frame(run / "per_frame.csv")
+    metrics = METRICS if "mtl" in model else DEPTH_METRICS
+    assert [(row["video"], row["frame"]) for row in rows] == [
+        *(("desc_t4_a", str(i)) for i in range(3)),
+        ("trans_t1_a", "2"),
+    ]
+    assert {(row["model"], row["segment"], row["protocol"]) for row in rows} == {
+        (model, "descending", "house"),
+        (model, "transverse", "house"),
+    }
+    summary = json.loads((run / "summary.json").read_text())
+    assert list(summary["metrics"]) == list(metrics)
+    assert summary["metrics"] == pytest.approx(means(rows))
+    assert summary["best"]["val/abs_rel"] == score
+    assert set(summary["baseline"]) == set(DEPTH_METRICS)
+    assert summary["frames_by_split"] == {"train": 5, "val": 2, "test": 4}
+    assert len(list((run / "panels").glob("*.png"))) == 1
+    assert yaml.safe_load((run / "config.yaml").read_text())["model"]["name"] == model
+    with (run / "metrics.csv").open() as file:
+        columns = csv.DictReader(file).fieldnames or []
+    assert {"train/loss", "val/loss", "val/abs_rel", "test/abs_rel", "train/loss_depth"} <= set(columns)
+    assert ("train/loss_consistency" in columns) == (model == "col3d_mtl")
+
+
+def test_checkpoints_hold_plain_values_and_score_the_same_again(tiny: Compose, tmp_path: Path) -> None:
+    train(tiny())
+    run = tmp_path / "run"
+    for name in ("best", "last"):
+        torch.load(run / "checkpoints" / f"{name}.ckpt", weights_only=True)
+    checkpoint = run / "checkpoints" / "best.ckpt"
+    evaluate({**EVALUATE, "checkpoint": str(checkpoint), "output_dir": None})
+    assert read_per_frame(run / "evaluation_test" / "per_frame.csv") == read_per_frame(run / "per_frame.csv")
+    evaluate({**EVALUATE, "checkpoint": str(checkpoint), "output_dir": str(tmp_path / "val"), "split": "val"})
+    summary = json.loads((tmp_path / "val" / "summary.json").read_text())
+    before = json.loads((run / "summary.json").read_text())
+    assert summary["metrics"]["abs_rel"] == pytest.approx(before["best"]["val/abs_rel"], rel=1e-5)
+
+
+def test_the_same_seed_gives_the_same_run_and_another_another(tiny: Compose, tmp_path: Path) -> None:
+    scores = [
+        train(tiny(f"seed={seed}", f"output_dir={tmp_path / name}"))
+        for seed, name in ((1, "a"), (1, "b"), (2, "c"))
+    ]
+    assert scores[0] == scores[1] != scores[2]
+
+
+def test_a_finished_run_is_kept(tiny: Compose, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    first = train(tiny())
+    written = (tmp_path / "run" / "summary.json").stat().st_mtime_ns
+    assert train(tiny()) == first
+    assert "finished before" in capsys.readouterr().out
+    assert (tmp_path / "run" / "summary.json").stat().st_mtime_ns == written
+    with pytest.raises(UserError, match=r"another seed.*overwrite=true"):
+        train(tiny("seed=3"))
+    train(tiny("seed=3", "overwrite=true"))
+    assert (tmp_path / "run" / "summary.json").stat().st_mtime_ns > written
+
+
+def test_bfloat16_and_pinhole_geometry_step(tiny: Compose) -> None:
+    assert 0 < train(tiny("trainer.precision=bf16-mixed", "loss.geometry=pinhole", "loss.normals=l2")) < 100
+
+
+def test_two_processes_score_each_frame_once(tiny: Compose, tmp_path: Path) -> None:
+    """Lightning starts the second process by the command line, so this runs train.py as a user does."""
+    overrides = ["trainer=ddp", "trainer.devices=2", "trainer.accelerator=cpu"]
+    options = tiny()
+    root, split = options["data"]["root"], options["data"]["split"]
+    folder = tmp_path / "ddp"
+    arguments = [*TINY, *overrides, f"data.root={root}", f"hydra.run.dir={folder}"]
+    train(options)
+    answer = call("train.py", *arguments, cwd=tmp_path)
+    assert answer.returncode == 0, answer.stderr
+    alone = read_per_frame(tmp_path / "run" / "per_frame.csv")
+    both = read_per_frame(folder / "per_frame.csv")
+    assert [(row["video"], row["frame"]) for row in both] == [(row["video"], row["frame"]) for row in alone]
+    assert split["name"] == "custom"
+
+
+def test_weights_and_biases_offline(tiny: Compose, tmp_path: Path) -> None:
+    train(tiny("logger=wandb"))
+    runs = list((tmp_path / "run" / "wandb").glob("offline-run-*"))
+    assert len(runs) == 1
+    assert list(runs[0].glob("*.wandb"))
+    import wandb
+
+    assert wandb.run is None
+
+
+def test_a_diverging_run_names_step_and_frames(tiny: Compose, tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"the loss is .* at step \d+ \(frames .*optimizer\.lr"):
+        train(tiny("optimizer.lr=1e38", "trainer.max_epochs=3", "model=bts"))
+    assert not (tmp_path / "run" / "summary.json").exists()
+
+
+def test_missing_videos_are_named_or_left_out(tiny: Compose, tmp_path: Path) -> None:
+    train(tiny())
+    root = tiny()["data"]["root"]
+    split = [
+        "data.split.train=[cecum_t1_a,cecum_t2_b]",
+        "data.split.val=[trans_t1_a]",
+        "data.split.test=[desc_t4_a]",
+    ]
+    camera = [
+        "data=c3vd",
+        "data/split=custom",
+        f"data.root={root}",
+        *split,
+        f"output_dir={tmp_path / 'other'}",
+    ]
+    with pytest.raises(DataError, match="cecum_t2_b"):
+        train(composed("train", "preset=smoke", *camera))
+
+
+def test_five_real_frames(tmp_path: Path) -> None:
+    root = real_frames("sample_current")
+    split = [f"data.split.{part}=[cecum_t1_a:0-240]" for part in ("train", "val", "test")]
+    overrides = [
+        "preset=smoke",
+        "data=c3vd",
+        "data/split=custom",
+        *split,
+        "data.normals=derived",
+        "trainer.max_epochs=3",
+    ]
+    score = train(composed("train", *overrides, f"data.root={root}", f"output_dir={tmp_path}"))
+    rows = read_per_frame(tmp_path / "per_frame.csv")
+    assert [row["frame"] for row in rows] == ["0", "60", "120", "180", "240"]
+    assert {row["segment"] for row in rows} == {"cecum"}
+    assert 0 < score < 2
+
+
+def test_the_paper_split_wants_all_of_c3vd(tmp_path: Path) -> None:
+    root = real_frames("sample_current")
+    overrides = [
+        "preset=smoke",
+        "data=c3vd",
+        "data.normals=derived",
+        f"data.root={root}",
+        f"output_dir={tmp_path}",
+    ]
+    with pytest.raises(DataError, match=r"trans_t4_b.*are missing"):
+        train(composed("train", *overrides))
+    with pytest.raises(DataError, match=r"no video of data\.split\.val"):
+        train(composed("train", *overrides, "data.allow_missing=true"))

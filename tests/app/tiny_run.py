@@ -1,0 +1,44 @@
+"""The smallest run that has every part, and where real frames are."""
+
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
+
+import launch  # noqa: F401  registers the resolvers of the configuration
+
+CONF = Path(__file__).parents[2] / "conf"
+TINY = (
+    "preset=smoke",
+    "data/split=custom",
+    "data.split.train=[cecum_t1_a,trans_t1_a:0-1]",
+    "data.split.val=[trans_t1_a:1-2]",
+    "data.split.test=[desc_t4_a,trans_t1_a:2-2]",
+    "data.size=[64,80]",
+    "data.batch_size=2",
+    "phantom.size=[64,80]",
+    "phantom.frames_per_video=3",
+    "trainer.max_epochs=1",
+    "callbacks.panels=1",
+)
+"""Options of the smallest run that has every part."""
+
+
+def composed(config_name: str, *overrides: str) -> dict[str, Any]:
+    """The configuration as the entry points hand it on."""
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        config = compose(config_name, list(overrides))
+    content = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
+    assert isinstance(content, dict)
+    return {str(key): value for key, value in content.items()}
+
+
+def real_frames(folder: str) -> Path:
+    """A folder of real frames; the test is skipped where there are none."""
+    sample = os.environ.get("COL3D_C3VD_SAMPLE")
+    if not sample:
+        pytest.skip("set COL3D_C3VD_SAMPLE to a folder of C3VD frames")
+    return Path(sample) / folder
