@@ -14,7 +14,9 @@ from tiny_run import TINY, composed, real_frames
 
 from col3d.app.evaluate import evaluate
 from col3d.app.train import train
+from col3d.callbacks import EpochLines
 from col3d.checks import DataError, UserError
+from col3d.losses import weighted
 from col3d.reports.per_frame import DEPTH_METRICS, METRICS, means, read_per_frame
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*pin_memory.*")
@@ -122,10 +124,48 @@ def test_weights_and_biases_offline(tiny: Compose, tmp_path: Path) -> None:
     assert wandb.run is None
 
 
-def test_a_diverging_run_names_step_and_frames(tiny: Compose, tmp_path: Path) -> None:
-    with pytest.raises(UserError, match=r"the loss is .* at step \d+ \(frames .*optimizer\.lr"):
-        train(tiny("optimizer.lr=1e38", "trainer.max_epochs=3", "model=bts"))
-    assert not (tmp_path / "run" / "summary.json").exists()
+def test_a_diverging_run_names_step_and_frames(
+    tiny: Compose, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(weighted.DEPTH, "silog", lambda preds, target, mask: preds.sum() * float("nan"))
+    with pytest.raises(UserError, match=r"the loss is nan at step 0 \(frames .*optimizer\.lr"):
+        train(tiny("model=bts"))
+    assert not list((tmp_path / "run").rglob("*.ckpt"))
+
+
+def test_a_run_that_was_cut_off_goes_on_to_the_same_weights(
+    tiny: Compose, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def weights(folder: str) -> dict[str, torch.Tensor]:
+        path = tmp_path / folder / "checkpoints" / "last.ckpt"
+        state: dict[str, torch.Tensor] = torch.load(path, weights_only=True)["state_dict"]
+        return state
+
+    def columns(folder: str) -> list[str]:
+        with (tmp_path / folder / "metrics.csv").open() as file:
+            return [row["train/loss"] for row in csv.DictReader(file) if row["train/loss"]]
+
+    def options(folder: str) -> dict[str, Any]:
+        return tiny("trainer.max_epochs=3", f"output_dir={tmp_path / folder}")
+
+    class PowerCutError(Exception):
+        pass
+
+    def cut(self: EpochLines, trainer: Any, pl_module: Any) -> None:
+        if trainer.current_epoch == 1:
+            raise PowerCutError
+
+    train(options("whole"))
+    with monkeypatch.context() as patched:
+        patched.setattr(EpochLines, "on_train_epoch_end", cut)
+        with pytest.raises(PowerCutError):
+            train(options("cut"))
+    assert not (tmp_path / "cut" / "summary.json").exists()
+    train(options("cut"))
+    whole, continued = weights("whole"), weights("cut")
+    assert all(torch.equal(whole[name], continued[name]) for name in whole)
+    assert columns("cut")[-1] == columns("whole")[-1]
+    assert len(columns("whole")) == 3
 
 
 def test_missing_videos_are_named_or_left_out(tiny: Compose, tmp_path: Path) -> None:

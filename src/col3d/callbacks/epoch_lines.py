@@ -16,12 +16,13 @@ class EpochLines(Callback):
 
     def on_train_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Print the line on the first process."""
+        metrics = trainer.callback_metrics  # reading them is a collective: every process has to
         if not trainer.is_global_zero:
             return
         done, last = trainer.current_epoch + 1, trainer.max_epochs or 0
         pace = (time.monotonic() - self.start) / (done - self.first)
-        known = [name for name in self.SHOWN if name in trainer.callback_metrics]
-        values = "  ".join(f"{name} {trainer.callback_metrics[name].item():.4f}" for name in known)
+        known = [name for name in self.SHOWN if name in metrics]
+        values = "  ".join(f"{name} {metrics[name].item():.4f}" for name in known)
         print(
             f"epoch {done}/{last}  {values}  {pace:.1f} s an epoch, {pace * (last - done):.0f} s left",
             flush=True,
