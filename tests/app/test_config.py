@@ -89,7 +89,7 @@ def test_names_in_the_options_are_those_that_can_be_built() -> None:
     [
         (
             ["loss.lambdas=[0.5,0.3]"],
-            ["loss.lambdas", "3 weights", "depth, normals, consistency", "[0.5, 0.3]"],
+            ["loss.lambdas", "3 weight(s)", "depth, normals, consistency", "[0.5, 0.3]"],
         ),
         (["model=bts", "loss.lambdas=[1,1,1]"], ["loss.lambdas", "expected 1", "model=bts"]),
         (["model=bts", "loss=mtl_xtc"], ["normals and consistency", "model=bts does not predict"]),

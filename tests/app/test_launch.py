@@ -27,7 +27,7 @@ def call(script: str, *arguments: str, cwd: Path) -> subprocess.CompletedProcess
         (["loss.lambdas=0.5,0.3,0.2"], ["loss.lambdas", "in brackets"]),
         (["loss.lambdas=[0.5,", "0.3]"], ["without spaces"]),
         (["data=c3vd"], ["data.root: a value is needed"]),
-        (["loss.lambdas=[0.5,0.3]"], ["loss.lambdas", "3 weights"]),
+        (["loss.lambdas=[0.5,0.3]"], ["loss.lambdas", "3 weight(s)"]),
         (["data=c3vd", "data.root=nowhere"], ["data.root=nowhere", "no such folder"]),
     ],
 )

@@ -128,7 +128,6 @@ class TrainerOptions(Options):
     accumulate: PositiveInt
     deterministic: bool
     limit_train_batches: PositiveInt | None
-    overfit_batches: Annotated[int, Field(ge=0)]
 
 
 class CallbackOptions(Options):
@@ -180,7 +179,7 @@ class TrainOptions(Options):
             )
         if len(loss.lambdas) != len(loss.terms):
             raise ValueError(
-                f"loss.lambdas: expected {len(loss.terms)} weights for model={model.name} "
+                f"loss.lambdas: expected {len(loss.terms)} weight(s) for model={model.name} "
                 f"({', '.join(loss.terms)}), got {len(loss.lambdas)}: {loss.lambdas}"
             )
         if not any(loss.lambdas):

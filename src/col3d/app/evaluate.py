@@ -13,7 +13,6 @@ from col3d.app.errors import check_options
 from col3d.app.results import Results
 from col3d.app.train import make_trainer
 from col3d.checks import UserError
-from col3d.data.datamodule import FrameDataModule
 
 
 def evaluate(given: Mapping[str, Any]) -> None:
@@ -27,32 +26,15 @@ def evaluate(given: Mapping[str, Any]) -> None:
     """
     options = check_options(EvaluateOptions, given)
     path = Path(options.checkpoint)
-    trained = trained_options(path)
-    changed = {name: getattr(options, name) for name in ("root", "batch_size", "workers")}
-    data_options = trained.data.model_copy(update={k: v for k, v in changed.items() if v is not None})
-    model_options = trained.model.model_copy(update={"pretrained": None})
-    trained = trained.model_copy(
-        update={
-            "data": data_options,
-            "model": model_options,
-            "trainer": trained.trainer.model_copy(
-                update={
-                    "accelerator": options.accelerator,
-                    "devices": 1,
-                    "strategy": "auto",
-                    "overfit_batches": 0,
-                }
-            ),
-        }
-    )
+    trained = _as_asked(trained_options(path), options)
     folder = Path(options.output_dir) if options.output_dir else _beside(path, options.split)
     task = build.task(trained)
     build.load_weights(task, path)
-    whole = build.data_module(data_options, trained.phantom, trained.seed, [options.split])
-    frames = whole.frames[options.split]
-    data = FrameDataModule({"test": frames}, data_options.batch_size, data_options.workers)
+    data = build.data_module(trained.data, trained.phantom, trained.seed, [options.split])
+    lengths = data.lengths()
+    data.frames["test"] = data.frames[options.split]
     folder.mkdir(parents=True, exist_ok=True)
-    results = Results(trained, folder, options.split, {options.split: len(frames)}, options.panels)  # type: ignore[arg-type]
+    results = Results(trained, folder, options.split, lengths, options.panels)
     trainer = make_trainer(trained, results.callbacks, [])
     trainer.test(task, datamodule=data, verbose=False)
     results.write(task, path, {})
@@ -72,6 +54,18 @@ def trained_options(path: Path) -> TrainOptions:
     except (KeyError, TypeError, RuntimeError, pickle.UnpicklingError, EOFError):
         raise UserError(f"checkpoint: {path} is not a checkpoint written by train.py") from None
     return check_options(TrainOptions, given)
+
+
+def _as_asked(trained: TrainOptions, options: EvaluateOptions) -> TrainOptions:
+    """The training's options with what the evaluation changes: one device, and no weights to fetch."""
+    asked = {name: getattr(options, name) for name in ("root", "batch_size", "workers")}
+    machine = {"accelerator": options.accelerator, "devices": 1, "strategy": "auto"}
+    changes = {
+        "data": trained.data.model_copy(update={k: v for k, v in asked.items() if v is not None}),
+        "model": trained.model.model_copy(update={"pretrained": None}),
+        "trainer": trained.trainer.model_copy(update=machine),
+    }
+    return trained.model_copy(update=changes)
 
 
 def _beside(checkpoint: Path, split: str) -> Path:

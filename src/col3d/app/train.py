@@ -120,7 +120,6 @@ def make_trainer(options: TrainOptions, callbacks: list[Callback], loggers: list
         accumulate_grad_batches=given.accumulate,
         deterministic=given.deterministic,
         limit_train_batches=given.limit_train_batches,
-        overfit_batches=given.overfit_batches,
         callbacks=callbacks,
         logger=loggers or False,
         use_distributed_sampler=False,
