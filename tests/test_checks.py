@@ -13,7 +13,9 @@ def test_a_known_name_comes_back(name: str) -> None:
 
 
 def test_an_unknown_name_is_told_with_the_nearest_and_all() -> None:
-    with pytest.raises(ValueError, match=r"^model: 'newcrf' is unknown; did you mean 'newcrfs'\?.*bts, bts_cbam"):
+    with pytest.raises(
+        ValueError, match=r"^model: 'newcrf' is unknown; did you mean 'newcrfs'\?.*bts, bts_cbam"
+    ):
         check_known("model", "newcrf", NAMES)
 
 

@@ -5,8 +5,9 @@ References:
     2D-3D Registration, Medical Image Analysis 2023.
 """
 
+import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -108,8 +109,11 @@ class C3VD(Dataset[dict[str, Any]]):
         """
         path = self.root / video / "pose.txt"
         try:
-            rows = np.loadtxt(path, delimiter=",", ndmin=2)
-            return torch.from_numpy(camera_to_world(rows))
+            lines = path.read_text(encoding="utf-8").splitlines()
+            rows = [[float(number) for number in line.split(",")] for line in lines if line.strip()]
+            if {len(row) for row in rows} != {16}:
+                raise ValueError(f"got {len(rows)} lines of {sorted({len(row) for row in rows})}")
+            return torch.from_numpy(camera_to_world(np.array(rows)))
         except (OSError, ValueError) as error:
             raise DataError(f"{path}: expected lines of 16 comma-separated numbers ({error})") from None
 
@@ -134,20 +138,16 @@ class C3VD(Dataset[dict[str, Any]]):
 
     def _release_of(self, frames: list[Frame], release: str) -> str:
         """The release that a video follows; stored normals that contradict the one asked for are refused."""
-        frame = frames[len(frames) // 2]
-        if frame.normals is None:
-            padded = frame.depth.name.split("_")[0] == f"{frame.number:04d}"
-            return release if release != "auto" else RELEASES[0 if padded else 1]
-        codes = read_rgb(frame.normals, self.camera.size_hw, np.uint16)
-        angles = disagreement(codes, *self._depth_and_mask(frame), self.camera)
-        best = min(RELEASES, key=lambda name: angles[name])
-        if angles[best] > AGREEMENT or (release not in ("auto", best) and angles[release] > AGREEMENT):
-            raise DataError(
-                f"{frame.normals}: normals do not follow data.release={release}: their median angle to the "
-                f"normals of the depth is {angles['current']:.0f} degrees read as current, "
-                f"{angles['pre_2023_05']:.0f} read as pre_2023_05"
-            )
-        return best if release == "auto" else release
+        middle = frames[len(frames) // 2].number
+        for frame in sorted(frames, key=lambda frame: abs(frame.number - middle)):
+            if frame.normals is None:
+                break
+            codes = read_rgb(frame.normals, self.camera.size_hw, np.uint16)
+            angles = disagreement(codes, *self._depth_and_mask(frame), self.camera)
+            if not any(math.isnan(angle) for angle in angles.values()):  # some depth to hold them against
+                return _agreed(frame.normals, angles, release)
+        padded = frames[0].depth.name.split("_")[0] == f"{frames[0].number:04d}"
+        return release if release != "auto" else RELEASES[0 if padded else 1]
 
     def _depth_and_mask(self, frame: Frame) -> tuple[Tensor, Tensor]:
         codes = read_grey(frame.depth, self.camera.size_hw, np.uint16)
@@ -160,6 +160,18 @@ class C3VD(Dataset[dict[str, Any]]):
             return normals_from_depth(depth[None], self.camera.rays(), mask[None])[0]
         codes = read_rgb(frame.normals, self.camera.size_hw, np.uint16)
         return torch.where(mask, house_normals(codes, self.releases[frame.video]), 0.0)
+
+
+def _agreed(path: Path, angles: Mapping[str, float], release: str) -> str:
+    """The release that stored normals at these angles to those of the depth follow, if it may be that one."""
+    best = min(RELEASES, key=lambda name: angles[name])
+    if angles[best] > AGREEMENT or (release not in ("auto", best) and angles[release] > AGREEMENT):
+        raise DataError(
+            f"{path}: normals do not follow data.release={release}: their median angle to the normals of the "
+            f"depth is {angles['current']:.0f} degrees read as current, {angles['pre_2023_05']:.0f} read as "
+            "pre_2023_05"
+        )
+    return best if release == "auto" else release
 
 
 def video_folders(root: Path) -> list[str]:

@@ -1,5 +1,6 @@
 """Reading image files, each checked by its header before training and in full when it is read."""
 
+import warnings
 from pathlib import Path
 
 import cv2
@@ -22,7 +23,7 @@ def check_header(path: Path, size_hw: tuple[int, int], channels: int, bits: int)
         DataError: names the file, the rule and what came.
     """
     try:
-        with Image.open(path) as image:
+        with warnings.catch_warnings(action="ignore"), Image.open(path) as image:  # pillow warns, then raises
             found_hw, found = (image.height, image.width), _channels_and_bits(image)
             end = _data_end(image)
     except (UnidentifiedImageError, OSError, SyntaxError) as error:

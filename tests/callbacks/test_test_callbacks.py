@@ -1,0 +1,127 @@
+"""What a test run leaves behind: the table of frames and the panels."""
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+from unittest.mock import Mock
+
+import cv2
+import pytest
+import torch
+from lightning import LightningModule, Trainer
+from torch.nn.functional import normalize
+
+from col3d.callbacks import ImagePanels, PerFrameTable
+from col3d.metrics.functional import DEPTH_METRICS, depth_metrics, normal_metrics
+from col3d.reports.per_frame import METRICS, means, read_per_frame
+
+MODULE = Mock(spec=LightningModule)
+FACTS = {"model": "bts", "seed": 3, "data": "phantom", "split": "test", "protocol": "house"}
+
+
+def batch_of(frames: list[int], video: str) -> dict[str, Any]:
+    generator = torch.Generator().manual_seed(len(frames))
+    count = len(frames)
+    return {
+        "image": torch.rand(count, 3, 12, 16, generator=generator),
+        "depth": torch.rand(count, 1, 12, 16, generator=generator) * 50 + 1,
+        "normals": normalize(torch.randn(count, 3, 12, 16, generator=generator), dim=1),
+        "mask": torch.rand(count, 1, 12, 16, generator=generator) > 0.2,
+        "video": [video] * count,
+        "frame": torch.tensor(frames),
+    }
+
+
+def scored(batch: dict[str, Any], normals: bool = True) -> dict[str, Any]:
+    prediction = {"depth": batch["depth"] * 1.1 + 1}
+    values = depth_metrics(prediction["depth"], batch["depth"], batch["mask"])
+    if normals:
+        prediction["normals"] = normalize(batch["normals"] + 0.1, dim=1)
+        values |= normal_metrics(prediction["normals"], batch["normals"], batch["mask"])
+    baseline = depth_metrics(torch.full_like(batch["depth"], 20.0), batch["depth"], batch["mask"])
+    return {"prediction": prediction, "values": values, "baseline": baseline}
+
+
+def run(callback: Any, batches: list[dict[str, Any]], normals: bool = True, **where: int) -> None:
+    place = {"world_size": 1, "global_rank": 0, **where}
+    frames = range(sum(len(batch["video"]) for batch in batches) * place["world_size"])
+    datamodule = SimpleNamespace(frames={"test": frames}, lengths=lambda: {"test": len(frames)})
+    trainer = Mock(spec=Trainer, is_global_zero=True, datamodule=datamodule, **place)
+    callback.on_test_start(trainer, MODULE)
+    for index, batch in enumerate(batches):
+        callback.on_test_batch_end(trainer, MODULE, scored(batch, normals), batch, index)
+    if hasattr(callback, "on_test_epoch_end"):
+        callback.on_test_epoch_end(trainer, MODULE)
+
+
+def describe(video: str) -> tuple[str, str]:
+    return {"b": ("cecum", "1")}.get(video, ("", ""))
+
+
+def test_a_row_for_each_frame_in_order(tmp_path: Path) -> None:
+    batches = [batch_of([10, 2], "b"), batch_of([3], "a")]
+    run(table := PerFrameTable(tmp_path / "per_frame.csv", FACTS, describe), batches)
+    rows = read_per_frame(tmp_path / "per_frame.csv")
+    assert [(row["video"], row["frame"], row["segment"]) for row in rows] == [
+        ("a", "3", ""), ("b", "2", "cecum"), ("b", "10", "cecum"),
+    ]  # fmt: skip
+    assert all(row[name] == str(value) for row in rows for name, value in FACTS.items())
+    expected = scored(batches[0])["values"]
+    for name in METRICS:
+        assert float(rows[2][name]) == expected[name][0].item()
+    assert float(table.baseline[2]["abs_rel"]) == scored(batches[0])["baseline"]["abs_rel"][0].item()
+
+
+def test_an_empty_frame_has_a_row_without_values_and_a_bad_one_says_nan(tmp_path: Path) -> None:
+    batch = batch_of([0, 1, 2], "b")
+    batch["mask"][1] = False
+    outputs = scored(batch)
+    outputs["values"]["abs_rel"][2] = torch.nan
+    table = PerFrameTable(tmp_path / "per_frame.csv", FACTS, describe)
+    trainer = Mock(spec=Trainer, is_global_zero=True, world_size=1)
+    table.on_test_start(trainer, MODULE)
+    table.on_test_batch_end(trainer, MODULE, outputs, batch, 0)
+    table.on_test_epoch_end(trainer, MODULE)
+    rows = read_per_frame(tmp_path / "per_frame.csv")
+    assert [row["abs_rel"] for row in rows][1:] == ["", "nan"]
+    assert all(rows[1][name] == "" for name in METRICS)
+    found = means(rows)
+    assert found["rmse"] == pytest.approx(outputs["values"]["rmse"][[0, 2]].mean().item())
+    assert found["abs_rel"] != found["abs_rel"]
+
+
+def test_a_second_test_starts_anew_and_depth_alone_leaves_normals_empty(tmp_path: Path) -> None:
+    table = PerFrameTable(tmp_path / "per_frame.csv", FACTS, describe)
+    run(table, [batch_of([0, 1], "b")])
+    run(table, [batch_of([5], "b")], normals=False)
+    rows = read_per_frame(tmp_path / "per_frame.csv")
+    assert [row["frame"] for row in rows] == ["5"]
+    assert set(means(rows)) == set(DEPTH_METRICS)
+
+
+def test_other_processes_write_nothing(tmp_path: Path) -> None:
+    table = PerFrameTable(tmp_path / "per_frame.csv", FACTS, describe)
+    trainer = Mock(spec=Trainer, is_global_zero=False, world_size=1)
+    table.on_test_start(trainer, MODULE)
+    table.on_test_epoch_end(trainer, MODULE)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("count", "expected"),
+    [(1, {0}), (2, {0, 4}), (3, {0, 2, 4}), (9, {0, 1, 2, 3, 4}), (0, set())],
+)
+def test_panels_are_spread_over_the_frames(tmp_path: Path, count: int, expected: set[int]) -> None:
+    callback = ImagePanels(tmp_path / "panels", count)
+    run(callback, [batch_of([0, 1, 2], "b"), batch_of([3, 4], "b")], normals=count == 2)
+    names = {f"b_{number:04d}.png" for number in expected}
+    assert {path.name for path in (tmp_path / "panels").glob("*")} == names
+    assert {path.name for path in callback.paths} == names
+    assert all(cv2.imread(str(path)) is not None for path in callback.paths)
+
+
+def test_each_process_draws_its_own_frames(tmp_path: Path) -> None:
+    """Frames 0, 2, 5 and 7 of eight; the second of two processes has the odd ones."""
+    callback = ImagePanels(tmp_path, 4)
+    run(callback, [batch_of([1, 3], "b"), batch_of([5, 7], "b")], world_size=2, global_rank=1)
+    assert [path.name for path in callback.paths] == ["b_0005.png", "b_0007.png"]

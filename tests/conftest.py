@@ -1,0 +1,77 @@
+"""References that share no code with the package: scenes known in closed form, and published figures."""
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+Seen = tuple[np.ndarray, np.ndarray]
+"""Distance along each unit ray and normal (not yet turned to the camera), of rays (n, 3)."""
+
+
+def plane(rays: np.ndarray) -> Seen:
+    normal, point = np.array([0.36, -0.48, -0.8]), np.array([0.0, 0.0, 60.0])
+    return normal @ point / (rays @ normal), np.broadcast_to(normal, rays.shape)
+
+
+def frontal(rays: np.ndarray) -> Seen:
+    return 50.0 / rays[:, 2], np.broadcast_to(np.array([0.0, 0.0, -1.0]), rays.shape)
+
+
+def sphere(rays: np.ndarray) -> Seen:
+    centre, radius = np.array([3.0, -4.0, 5.0]), 30.0
+    along = rays @ centre
+    distance = along + np.sqrt(along**2 - centre @ centre + radius**2)
+    return distance, (centre - distance[:, None] * rays) / radius
+
+
+def tube(rays: np.ndarray) -> Seen:
+    """A bent-away pipe: the camera is inside and sees its far end out of the picture."""
+    axis = np.array([0.7, 0.3, 0.65])
+    axis, inside, radius = axis / np.linalg.norm(axis), np.array([2.0, 5.0, 1.0]), 20.0
+    across = rays - np.outer(rays @ axis, axis)
+    start = -(inside - inside @ axis * axis)
+    a, b, c = (across**2).sum(axis=1), across @ start, start @ start - radius**2
+    distance = (-b + np.sqrt(b**2 - a * c)) / np.maximum(a, 1e-12)
+    return distance, -(start + distance[:, None] * across) / radius
+
+
+SCENES = {"plane": plane, "frontal": frontal, "sphere": sphere, "tube": tube}
+Look = Callable[[str, Tensor], tuple[Tensor, Tensor, Tensor]]
+
+
+@pytest.fixture(scope="session")
+def look() -> Look:
+    """(scene, rays (3, h, w)) -> depth (1, 1, h, w), normals (1, 3, h, w) in float64, mask of 1..100 mm."""
+
+    def see(scene: str, rays: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        size_hw = rays.shape[-2:]
+        flat = rays.double().flatten(1).T.numpy()
+        flat = flat / np.linalg.norm(flat, axis=1, keepdims=True)
+        distance, normals = SCENES[scene](flat)
+        depth = distance * flat[:, 2]
+        mask = (depth > 1) & (depth < 100) & (distance > 0) & (flat[:, 2] > 0.2)
+        assert (np.sum(normals * flat, axis=1)[mask] < 0).all()
+        maps = (depth[:, None], normals, mask[:, None])
+        found = [torch.from_numpy(m.T.reshape(1, -1, *size_hw).copy()) for m in maps]
+        return found[0], found[1], found[2]
+
+    return see
+
+
+@pytest.fixture(scope="session")
+def published() -> tuple[dict[str, Any], dict[str, Tensor]]:
+    """Figures, and the maps they are of as batches of one."""
+    if "COL3D_PARITY" not in os.environ:
+        pytest.skip("COL3D_PARITY names no folder of reference numbers")
+    folder = Path(os.environ["COL3D_PARITY"])
+    with np.load(folder / "numbers_inputs.npz") as stored:
+        maps = {name: torch.from_numpy(stored[name]) for name in stored.files}
+    batched = {name: values.reshape(1, -1, *values.shape[-2:]) for name, values in maps.items()}
+    return json.loads((folder / "numbers.json").read_text()), batched

@@ -1,0 +1,99 @@
+"""Loaders: each frame once where it is counted, and orders that differ by epoch and come back."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+import torch
+from torch.utils.data import Dataset
+
+from col3d.data.datamodule import EveryFrameOnce, FrameDataModule, Resized
+from col3d.data.transforms import Augment, Resize
+
+
+class Numbered(Dataset[dict[str, Any]]):
+    def __init__(self, item: dict[str, Any], count: int) -> None:
+        self.item, self.count = {k: v for k, v in item.items() if k != "camera"}, count
+
+    def __len__(self) -> int:
+        return self.count
+
+    def __getitem__(self, index: int) -> dict[str, Any]:
+        return {**self.item, "frame": index}
+
+
+def module_of(item: dict[str, Any], seed: int = 0, augment: Augment | None = None) -> FrameDataModule:
+    resize = Resize((20, 25), item["camera"])
+    frames = {
+        name: Resized(Numbered(item, n), resize) for name, n in {"train": 11, "val": 7, "test": 5}.items()
+    }
+    return FrameDataModule(frames, batch_size=3, augment=augment, seed=seed)
+
+
+def order(loader: Any, epoch: int = 0) -> list[int]:
+    if hasattr(loader.sampler, "set_epoch"):
+        loader.sampler.set_epoch(epoch)
+    return [number for batch in loader for number in batch["frame"].tolist()]
+
+
+@pytest.mark.parametrize("length", [0, 1, 5, 12])
+@pytest.mark.parametrize("world_size", [1, 2, 3, 7])
+def test_each_frame_once_over_all_processes(length: int, world_size: int) -> None:
+    samplers = [EveryFrameOnce(length, rank, world_size) for rank in range(world_size)]
+    assert sorted(index for sampler in samplers for index in sampler) == list(range(length))
+    for sampler in samplers:
+        assert len(list(sampler)) == len(sampler) <= -(-length // world_size)
+
+
+def test_evaluation_is_in_order(item: dict[str, Any]) -> None:
+    module = module_of(item)
+    assert order(module.val_dataloader()) == list(range(7))
+    assert order(module.test_dataloader()) == list(range(5))
+
+
+def test_training_is_shuffled_anew_each_epoch_and_reproducibly(item: dict[str, Any]) -> None:
+    loader = module_of(item).train_dataloader()
+    first, second = order(loader, 0), order(loader, 1)
+    assert sorted(first) == sorted(second) == list(range(11))
+    assert first != list(range(11))
+    assert first != second
+    torch.manual_seed(123)
+    assert order(module_of(item).train_dataloader(), 0) == first
+    assert order(module_of(item, seed=1).train_dataloader(), 0) != first
+
+
+def test_processes_share_the_frames(item: dict[str, Any]) -> None:
+    found: dict[str, list[int]] = {"train": [], "val": []}
+    for rank in range(3):
+        module = module_of(item)
+        module.trainer = SimpleNamespace(global_rank=rank, world_size=3)  # type: ignore[assignment]
+        found["train"] += order(module.train_dataloader())
+        found["val"] += order(module.val_dataloader())
+    assert sorted(found["val"]) == list(range(7))
+    assert set(found["train"]) == set(range(11))
+
+
+def test_batches_are_batches(item: dict[str, Any]) -> None:
+    batch = next(iter(module_of(item).val_dataloader()))
+    assert batch["depth"].shape == (3, 1, 20, 25)
+    assert batch["mask"].dtype == torch.bool
+    assert batch["video"] == ["cecum_t1_a"] * 3
+    assert batch["frame"].tolist() == [0, 1, 2]
+    sizes = [len(batch["frame"]) for batch in module_of(item).train_dataloader()]
+    assert sizes == [3, 3, 3, 2]
+
+
+def test_only_training_batches_are_augmented(item: dict[str, Any]) -> None:
+    augment = Augment(rotation=20.0)
+    module = module_of(item, seed=5, augment=augment)
+    batch = next(iter(module.val_dataloader()))
+    assert module.on_after_batch_transfer(batch, 0) is batch
+    trainer = SimpleNamespace(training=False, current_epoch=3, global_rank=0, world_size=1)
+    module.trainer = trainer  # type: ignore[assignment]
+    assert module.on_after_batch_transfer(batch, 0) is batch
+    trainer.training = True
+    found = module.on_after_batch_transfer(batch, 0)
+    assert torch.equal(found["depth"], augment(batch, seed=5, epoch=3)["depth"])
+    assert not torch.equal(found["depth"], batch["depth"])
+    trainer.current_epoch = 4
+    assert not torch.equal(module.on_after_batch_transfer(batch, 0)["depth"], found["depth"])

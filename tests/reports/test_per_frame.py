@@ -1,0 +1,84 @@
+"""The table of frames: there and back, means, groups, and what is refused."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from col3d.reports.per_frame import (
+    DEPTH_METRICS,
+    IDENTITY,
+    METRICS,
+    Row,
+    by_video,
+    means,
+    read_per_frame,
+    write_per_frame,
+)
+
+
+def row(video: str, frame: int, **values: float) -> dict[str, str | int | float]:
+    facts = {
+        "model": "bts",
+        "seed": 0,
+        "data": "phantom",
+        "split": "test",
+        "segment": "cecum",
+        "texture": "1",
+    }
+    return {**facts, "video": video, "frame": frame, "protocol": "house", **values}
+
+
+def test_there_and_back_to_the_last_digit(tmp_path: Path) -> None:
+    values = {name: 1 / (3 + i) for i, name in enumerate(METRICS)}
+    rows = [row("a, quoted", 0, **values), row("b", 7, abs_rel=math.pi)]
+    write_per_frame(tmp_path / "per_frame.csv", rows)
+    found = read_per_frame(tmp_path / "per_frame.csv")
+    assert list(found[0]) == [*IDENTITY, *METRICS]
+    assert {name: float(found[0][name]) for name in METRICS} == values
+    assert (found[0]["video"], found[1]["frame"]) == ("a, quoted", "7")
+    assert [name for name in METRICS if found[1][name] != ""] == ["abs_rel"]
+    assert means(found) == means(rows)
+    assert [path.name for path in tmp_path.iterdir()] == ["per_frame.csv"]
+
+
+def test_a_failed_write_leaves_the_old_table(tmp_path: Path) -> None:
+    path = tmp_path / "per_frame.csv"
+    write_per_frame(path, [row("a", 0, abs_rel=0.5)])
+    before = path.read_bytes()
+    with pytest.raises(ValueError, match="surprise"):
+        write_per_frame(path, [row("b", 0), row("c", 0, surprise=1.0)])
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize("lost", ["video", "abs_rel", "within_30"])
+def test_a_missing_column_is_named(tmp_path: Path, lost: str) -> None:
+    path = tmp_path / "per_frame.csv"
+    path.write_text(",".join(name for name in (*IDENTITY, *METRICS) if name != lost) + "\n")
+    with pytest.raises(ValueError, match=rf"per_frame\.csv: columns {lost} are missing"):
+        read_per_frame(path)
+    path.write_text("")
+    with pytest.raises(ValueError, match=r"columns model, seed, .*within_30 are missing"):
+        read_per_frame(path)
+
+
+def test_means_are_over_the_frames_that_have_a_value() -> None:
+    rows: list[Row] = [row("a", 0, abs_rel=0.1, rmse=1.0), row("a", 1), row("b", 0, abs_rel=0.4, rmse=3.0)]
+    assert means(rows) == pytest.approx({"abs_rel": 0.25, "rmse": 2.0})
+    assert means([]) == {}
+    assert means([row("a", 0)]) == {}
+    assert math.isnan(means([*rows, row("c", 0, abs_rel=math.nan)])["abs_rel"])
+    assert means([row("a", 0, angle_mean=0.0)]) == {"angle_mean": 0.0}
+
+
+def test_groups_keep_their_order() -> None:
+    rows: list[Row] = [row("b", 1), row("a", 5), row("b", 0)]
+    groups = by_video(rows)
+    assert list(groups) == ["b", "a"]
+    assert [r["frame"] for r in groups["b"]] == [1, 0]
+
+
+def test_columns_are_those_that_other_programs_read() -> None:
+    assert IDENTITY == ("model", "seed", "data", "split", "video", "segment", "texture", "frame", "protocol")
+    assert METRICS[:9] == DEPTH_METRICS
+    assert METRICS[9:] == ("angle_mean", "angle_median", "within_11_25", "within_22_5", "within_30")
