@@ -16,7 +16,7 @@ from torch.utils.data import default_collate
 from col3d.batch import Batch
 from col3d.checks import DataError
 from col3d.data.c3vd import C3VD, video_folders
-from col3d.data.files import read_grey, read_rgb
+from col3d.data.files import check_header, read_grey, read_rgb
 from col3d.data.octagon import octagon_mask
 from col3d.data.release import camera_to_world, disagreement, house_normals
 from col3d.geometry import OmnidirectionalCamera, PinholeCamera, angle_between
@@ -311,13 +311,22 @@ def test_a_file_that_spoils_later_is_named_when_it_is_read(write_video, lens, ki
         frames[2]
 
 
-def test_sixteen_bit_colour_is_named_when_it_is_read(tmp_path: Path) -> None:
+def test_sixteen_bit_colour_is_named(tmp_path: Path) -> None:
     path = tmp_path / "0_color.png"
     cv2.imwrite(str(path), np.ones((4, 5, 3), np.uint16))
+    with pytest.raises(DataError, match=r"0_color\.png: expected 3 channels of 8 bits, got 3 channels of 16"):
+        check_header(path, (4, 5), 3, 8)
     with pytest.raises(DataError, match=r"0_color\.png: expected uint8 of shape \(4, 5, 3\), got uint16"):
         read_rgb(path, (4, 5), np.uint8)
     with pytest.raises(DataError, match=r"0_color\.png: expected uint16 of shape \(4, 5\)"):
         read_grey(path, (4, 5), np.uint16)
+
+
+def test_two_files_of_one_frame_are_refused(write_video, lens) -> None:  # type: ignore[no-untyped-def]
+    root = write_video("cecum_t1_a")
+    (root / "cecum_t1_a" / "1_color.png").write_bytes((root / "cecum_t1_a" / "0001_color.png").read_bytes())
+    with pytest.raises(DataError, match=r"1_color\.png: the same frame as 0001_color\.png"):
+        C3VD(root, ["cecum_t1_a"], camera=lens)
 
 
 def test_missing_and_unknown_folders(write_video, lens, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
@@ -381,9 +390,14 @@ def test_real_normals_are_those_of_their_depth(folder: str, release: str, padded
     depth = torch.from_numpy(depth_codes.astype(np.float32) / 65535 * 100)[None]
     angles = disagreement(codes, depth, mask, OmnidirectionalCamera.c3vd())
     other = next(name for name in angles if name != release)
+    pinhole = disagreement(codes, depth, mask, PinholeCamera.c3vd())[release]
+    print(
+        f"\n{folder}: true lens {angles[release]:.2f} degrees, pinhole {pinhole:.2f}, "
+        f"true lens read as {other} {angles[other]:.1f}"
+    )
     assert angles[release] < 2.5
     assert angles[other] > 25
-    assert disagreement(codes, depth, mask, PinholeCamera.c3vd())[release] > 10
+    assert pinhole > 10
     frames = C3VD(sample() / folder, ["unknown_frame"])
     assert frames.releases == {"unknown_frame": release}
     assert frames[0]["mask"].float().mean() > 0.8

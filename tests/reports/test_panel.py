@@ -29,7 +29,7 @@ def test_a_panel_is_a_picture_with_its_rows(tmp_path: Path, normals: str, rows: 
     save_panel(tmp_path / "panel.png", maps(normals), "cecum_t1_a, frame 3")
     height, width, _ = cv2.imread(str(tmp_path / "panel.png")).shape
     assert width == 1120
-    assert height == 272 * rows
+    assert height == 240 * rows + 16
 
 
 def test_the_prediction_is_shown(tmp_path: Path) -> None:

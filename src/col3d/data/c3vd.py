@@ -186,10 +186,19 @@ def video_folders(root: Path) -> list[str]:
 
 
 def numbered(folder: Path, kind: str, ending: str) -> dict[int, Path]:
-    """Files of one kind by frame number, whether the number in their name is padded or not."""
+    """Files of one kind by frame number, whether the number in their name is padded or not.
+
+    Raises:
+        DataError: two files have the same number.
+    """
     pattern = re.compile(rf"(\d+)_{kind}\{ending}")
-    matches = ((pattern.fullmatch(path.name), path) for path in folder.iterdir())
-    return {int(match.group(1)): path for match, path in matches if match}
+    found: dict[int, Path] = {}
+    for path in sorted(folder.iterdir()):
+        if match := pattern.fullmatch(path.name):
+            first = found.setdefault(int(match.group(1)), path)
+            if first != path:
+                raise DataError(f"{path}: the same frame as {first.name}; keep one of them")
+    return found
 
 
 def missing_file(folder: Path, kind: str, number: int) -> str:

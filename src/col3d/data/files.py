@@ -10,10 +10,9 @@ from PIL.TiffImagePlugin import TiffImageFile
 
 from col3d.checks import DataError
 
-cv2.utils.logging.setLogLevel(
-    cv2.utils.logging.LOG_LEVEL_ERROR
-)  # errors only: OpenCV 5 warns of a harmless tag in each TIFF of C3VD
+cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)  # each TIFF of C3VD has a harmless tag
 PNG_END = b"IEND\xaeB`\x82"
+PNG_BITS_AT = 24
 
 
 def check_header(path: Path, size_hw: tuple[int, int], channels: int, bits: int) -> None:
@@ -24,7 +23,7 @@ def check_header(path: Path, size_hw: tuple[int, int], channels: int, bits: int)
     """
     try:
         with warnings.catch_warnings(action="ignore"), Image.open(path) as image:  # pillow warns, then raises
-            found_hw, found = (image.height, image.width), _channels_and_bits(image)
+            found_hw, found = (image.height, image.width), _channels_and_bits(image, path)
             end = _data_end(image)
     except (UnidentifiedImageError, OSError, SyntaxError) as error:
         raise DataError(f"{path}: not a readable image ({error})") from None
@@ -40,11 +39,12 @@ def check_header(path: Path, size_hw: tuple[int, int], channels: int, bits: int)
         raise DataError(f"{path}: the file is cut off; copy it again")
 
 
-def _channels_and_bits(image: Image.Image) -> tuple[int, int]:
+def _channels_and_bits(image: Image.Image, path: Path) -> tuple[int, int]:
     if isinstance(image, TiffImageFile):
         bits = image.tag_v2.get(258, (1,))
         return image.tag_v2.get(277, 1), max(bits if isinstance(bits, tuple) else (bits,))
-    return len(image.getbands()), 16 if image.mode.startswith("I") else 8
+    with path.open("rb") as file:
+        return len(image.getbands()), file.read(PNG_BITS_AT + 1)[PNG_BITS_AT]
 
 
 def _data_end(image: Image.Image) -> int:

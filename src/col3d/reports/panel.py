@@ -18,7 +18,7 @@ def save_panel(path: Path, maps: Maps, title: str) -> None:
     from matplotlib.figure import Figure
 
     rows = 2 if "normals_pred" in maps else 1
-    figure = Figure(figsize=(14, 3.4 * rows), layout="constrained")
+    figure = Figure(figsize=(14, 3.0 * rows + 0.2), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots(rows, 4, squeeze=False)
     figure.suptitle(title)
