@@ -24,7 +24,7 @@ train: $(READY)  ## Train and evaluate Col3D-MTL on the phantom (ARGS="key=value
 	$(BIN)/python train.py model=col3d_mtl $(ARGS)
 
 test: $(READY) lint  ## Run all tests, linters and type checks
-	$(BIN)/python -m pytest -n 2 $(ARGS)
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 $(ARGS)
 
 lint: $(READY)  ## Check style, types and the layers of the package
 	$(BIN)/ruff check .

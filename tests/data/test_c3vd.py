@@ -27,7 +27,7 @@ needs_sample = pytest.mark.skipif(SAMPLE is None, reason="COL3D_C3VD_SAMPLE name
 
 @pytest.mark.parametrize("release", ["current", "pre_2023_05"])
 @pytest.mark.parametrize("asked", ["auto", "same"])
-def test_both_releases_give_the_house_normals(write_video, look, lens, release: str, asked: str) -> None:  # type: ignore[no-untyped-def]
+def test_both_releases_give_the_house_normals(write_video, look, lens, release: str, asked: str) -> None:
     root = write_video(release=release)
     frames = C3VD(root, ["cecum_t1_a"], release=release if asked == "same" else "auto", camera=lens)
     assert frames.releases == {"cecum_t1_a": release}
@@ -42,7 +42,7 @@ def test_both_releases_give_the_house_normals(write_video, look, lens, release: 
     assert (item["normals"] * item["rays"]).sum(dim=0)[inside[0]].max() < 0
 
 
-def test_old_normals_that_look_away_get_their_z_back(write_video, look, lens) -> None:  # type: ignore[no-untyped-def]
+def test_old_normals_that_look_away_get_their_z_back(write_video, look, lens) -> None:
     _, normals, mask = look("tube", lens.rays())
     away = (normals[0, 2:] > 0.05) & mask[0] & octagon_mask((108, 135))
     assert away.sum() > 100
@@ -51,17 +51,17 @@ def test_old_normals_that_look_away_get_their_z_back(write_video, look, lens) ->
 
 
 @pytest.mark.parametrize(("release", "other"), [("current", "pre_2023_05"), ("pre_2023_05", "current")])
-def test_the_wrong_release_is_refused(write_video, lens, release: str, other: str) -> None:  # type: ignore[no-untyped-def]
+def test_the_wrong_release_is_refused(write_video, lens, release: str, other: str) -> None:
     with pytest.raises(DataError, match=rf"_normals\.tiff: .*data\.release={other}.*current.*pre_2023_05"):
         C3VD(write_video(release=release), ["cecum_t1_a"], release=other, camera=lens)
 
 
-def test_release_is_told_by_normals_and_not_by_names(write_video, lens) -> None:  # type: ignore[no-untyped-def]
+def test_release_is_told_by_normals_and_not_by_names(write_video, lens) -> None:
     root = write_video(release="pre_2023_05", stored="current")
     assert C3VD(root, ["cecum_t1_a"], camera=lens).releases == {"cecum_t1_a": "current"}
 
 
-def test_normals_of_another_scene_are_refused(write_video, look, lens) -> None:  # type: ignore[no-untyped-def]
+def test_normals_of_another_scene_are_refused(write_video, look, lens) -> None:
     root = write_video()
     noise = np.random.default_rng(0).integers(1, 65535, (108, 135, 3), dtype=np.uint16)
     for path in root.glob("*/*_normals.tiff"):
@@ -70,7 +70,7 @@ def test_normals_of_another_scene_are_refused(write_video, look, lens) -> None: 
         C3VD(root, ["cecum_t1_a"], camera=lens)
 
 
-def test_item_is_a_batch_without_its_axis(write_video, lens) -> None:  # type: ignore[no-untyped-def]
+def test_item_is_a_batch_without_its_axis(write_video, lens) -> None:
     item = C3VD(write_video(), ["cecum_t1_a"], camera=lens)[2]
     assert set(item) == set(Batch.__annotations__)
     expected = {"image": 3, "depth": 1, "normals": 3, "rays": 3}
@@ -90,14 +90,14 @@ def test_item_is_a_batch_without_its_axis(write_video, lens) -> None:  # type: i
     assert default_collate([item, item])["depth"].shape == (2, 1, 108, 135)
 
 
-def test_order_is_by_number(write_video, lens) -> None:  # type: ignore[no-untyped-def]
+def test_order_is_by_number(write_video, lens) -> None:
     root = write_video(numbers=(10, 9, 2, 100), release="pre_2023_05")
     frames = C3VD(root, ["cecum_t1_a"], camera=lens)
     assert [frame.number for frame in frames.frames] == [2, 9, 10, 100]
     assert [round(frames[i]["image"][0, 0, 0].item() * 255) for i in range(4)] == [2, 9, 10, 100]
 
 
-def test_unpadded_colour_beside_padded_depth(write_video, lens) -> None:  # type: ignore[no-untyped-def]
+def test_unpadded_colour_beside_padded_depth(write_video, lens) -> None:
     root = write_video(numbers=(2, 9, 10))
     for path in root.glob("*/*_color.png"):
         path.rename(path.with_name(f"{int(path.name[:4])}_color.png"))
@@ -108,7 +108,7 @@ def test_unpadded_colour_beside_padded_depth(write_video, lens) -> None:  # type
 
 
 @pytest.mark.parametrize("code", [0, 65535])
-def test_both_ends_of_the_code_are_invalid(write_video, lens, code: int) -> None:  # type: ignore[no-untyped-def]
+def test_both_ends_of_the_code_are_invalid(write_video, lens, code: int) -> None:
     root = write_video(numbers=(0,))
     path = root / "cecum_t1_a" / "0000_depth.tiff"
     codes = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
@@ -124,7 +124,7 @@ def test_both_ends_of_the_code_are_invalid(write_video, lens, code: int) -> None
     assert item["mask"][0, 60, 50:53].all()
 
 
-def test_pixels_without_a_stored_normal_do_not_count(write_video, lens) -> None:  # type: ignore[no-untyped-def]
+def test_pixels_without_a_stored_normal_do_not_count(write_video, lens) -> None:
     root = write_video(numbers=(0,))
     path = root / "cecum_t1_a" / "0000_normals.tiff"
     codes = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
@@ -135,7 +135,7 @@ def test_pixels_without_a_stored_normal_do_not_count(write_video, lens) -> None:
     assert C3VD(root, ["cecum_t1_a"], normals="none", camera=lens)[0]["mask"][:, 40:60, 50:70].all()
 
 
-def test_derived_normals(write_video, look, lens) -> None:  # type: ignore[no-untyped-def]
+def test_derived_normals(write_video, look, lens) -> None:
     root = write_video()
     for path in root.glob("*/*_normals.tiff"):
         path.unlink()
@@ -148,7 +148,7 @@ def test_derived_normals(write_video, look, lens) -> None:  # type: ignore[no-un
         C3VD(root, ["cecum_t1_a"], camera=lens)
 
 
-def test_ranges_and_labels_and_several_videos(write_video, lens) -> None:  # type: ignore[no-untyped-def]
+def test_ranges_and_labels_and_several_videos(write_video, lens) -> None:
     write_video("cecum_t1_a", (0, 1, 2, 3, 4))
     root = write_video("trans_t4_a", (0, 1), release="pre_2023_05")
     frames = C3VD(root, ["c1v1:1-3", "t3v1"], camera=lens)
@@ -163,7 +163,7 @@ def test_ranges_and_labels_and_several_videos(write_video, lens) -> None:  # typ
 
 
 @pytest.mark.parametrize("release", ["current", "pre_2023_05"])
-def test_poses_act_on_columns(write_video, lens, release: str) -> None:  # type: ignore[no-untyped-def]
+def test_poses_act_on_columns(write_video, lens, release: str) -> None:
     root = write_video(release=release, numbers=range(5))
     found = C3VD(root, ["cecum_t1_a"], camera=lens).poses("cecum_t1_a")
     assert found.dtype == torch.float64
@@ -187,21 +187,21 @@ def test_poses_act_on_columns(write_video, lens, release: str) -> None:  # type:
         ",".join("0" * 15),
     ],
 )
-def test_a_malformed_pose_file_is_named(write_video, lens, text: str) -> None:  # type: ignore[no-untyped-def]
+def test_a_malformed_pose_file_is_named(write_video, lens, text: str) -> None:
     root = write_video()
     (root / "cecum_t1_a" / "pose.txt").write_text(text)
     with pytest.raises(DataError, match=r"pose\.txt: expected lines of 16 comma-separated numbers"):
         C3VD(root, ["cecum_t1_a"], camera=lens).poses("cecum_t1_a")
 
 
-def test_lines_that_split_a_matrix_are_refused(write_video, lens) -> None:  # type: ignore[no-untyped-def]
+def test_lines_that_split_a_matrix_are_refused(write_video, lens) -> None:
     root = write_video()
     (root / "cecum_t1_a" / "pose.txt").write_text("1,0,0,0,0,1,0,0\n0,0,1,0,5,6,7,1\n")
     with pytest.raises(DataError, match=r"pose\.txt: expected lines of 16"):
         C3VD(root, ["cecum_t1_a"], camera=lens).poses("cecum_t1_a")
 
 
-def test_a_missing_pose_file_is_named(write_video, lens) -> None:  # type: ignore[no-untyped-def]
+def test_a_missing_pose_file_is_named(write_video, lens) -> None:
     root = write_video()
     (root / "cecum_t1_a" / "pose.txt").unlink()
     with pytest.raises(DataError, match=r"cecum_t1_a/pose\.txt"):
@@ -264,7 +264,7 @@ BAD: list[Any] = [
 @pytest.mark.parametrize(("kind", "damage"), BAD)
 def test_a_bad_file_is_named_when_the_set_is_built(
     write_video, lens, kind: str, damage: Callable[[Path], None]
-) -> None:  # type: ignore[no-untyped-def]
+) -> None:
     root = write_video(numbers=range(6))
     damage(root / "cecum_t1_a" / f"0005_{kind}")
     with pytest.raises(DataError, match=rf"cecum_t1_a.*0005_{kind}"):
@@ -272,9 +272,7 @@ def test_a_bad_file_is_named_when_the_set_is_built(
 
 
 @pytest.mark.parametrize("lost", [1, 500, 20000])
-def test_a_tiff_whose_header_is_whole_and_whose_pixels_are_not(  # type: ignore[no-untyped-def]
-    write_video, lens, lost: int
-) -> None:
+def test_a_tiff_whose_header_is_whole_and_whose_pixels_are_not(write_video, lens, lost: int) -> None:
     """Writers other than OpenCV put the header first, and a copy that broke off still opens."""
     root = write_video()
     path = root / "cecum_t1_a" / "0002_depth.tiff"
@@ -286,7 +284,7 @@ def test_a_tiff_whose_header_is_whole_and_whose_pixels_are_not(  # type: ignore[
 
 
 @pytest.mark.parametrize(("kind", "needed"), [("depth.tiff", True), ("normals.tiff", False)])
-def test_only_files_that_are_read_are_checked(write_video, lens, kind: str, needed: bool) -> None:  # type: ignore[no-untyped-def]
+def test_only_files_that_are_read_are_checked(write_video, lens, kind: str, needed: bool) -> None:
     root = write_video()
     (root / "cecum_t1_a" / f"0001_{kind}").write_bytes(b"junk")
     if needed:
@@ -297,7 +295,7 @@ def test_only_files_that_are_read_are_checked(write_video, lens, kind: str, need
 
 
 @pytest.mark.parametrize("kind", ["color.png", "depth.tiff"])
-def test_a_file_that_spoils_later_is_named_when_it_is_read(write_video, lens, kind: str) -> None:  # type: ignore[no-untyped-def]
+def test_a_file_that_spoils_later_is_named_when_it_is_read(write_video, lens, kind: str) -> None:
     root = write_video()
     frames = C3VD(root, ["cecum_t1_a"], camera=lens)
     path = root / "cecum_t1_a" / f"0002_{kind}"
@@ -322,14 +320,14 @@ def test_sixteen_bit_colour_is_named(tmp_path: Path) -> None:
         read_grey(path, (4, 5), np.uint16)
 
 
-def test_two_files_of_one_frame_are_refused(write_video, lens) -> None:  # type: ignore[no-untyped-def]
+def test_two_files_of_one_frame_are_refused(write_video, lens) -> None:
     root = write_video("cecum_t1_a")
     (root / "cecum_t1_a" / "1_color.png").write_bytes((root / "cecum_t1_a" / "0001_color.png").read_bytes())
     with pytest.raises(DataError, match=r"1_color\.png: the same frame as 0001_color\.png"):
         C3VD(root, ["cecum_t1_a"], camera=lens)
 
 
-def test_missing_and_unknown_folders(write_video, lens, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_missing_and_unknown_folders(write_video, lens, tmp_path: Path) -> None:
     with pytest.raises(DataError, match=r"data\.root=.*nowhere: no such folder"):
         C3VD(tmp_path / "nowhere", ["cecum_t1_a"], camera=lens)
     root = write_video()
@@ -352,12 +350,12 @@ def test_missing_and_unknown_folders(write_video, lens, tmp_path: Path) -> None:
         ({"normals": "store"}, r"data\.normals: 'store' is unknown; did you mean 'stored'"),
     ],
 )
-def test_unknown_options(write_video, lens, options: dict[str, str], message: str) -> None:  # type: ignore[no-untyped-def]
+def test_unknown_options(write_video, lens, options: dict[str, str], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         C3VD(write_video(), ["cecum_t1_a"], camera=lens, **options)
 
 
-def test_a_frame_without_any_depth_does_not_decide_the_release(write_video, lens) -> None:  # type: ignore[no-untyped-def]
+def test_a_frame_without_any_depth_does_not_decide_the_release(write_video, lens) -> None:
     root = write_video(release="pre_2023_05", numbers=range(3))
     cv2.imwrite(str(root / "cecum_t1_a" / "1_depth.tiff"), np.full((108, 135), 65535, np.uint16))
     assert C3VD(root, ["cecum_t1_a"], camera=lens).releases == {"cecum_t1_a": "pre_2023_05"}

@@ -33,7 +33,7 @@ def errors(found: Tensor, normals: Tensor, mask: Tensor) -> Tensor:
     ("scene", "median", "largest"),
     [("frontal", 1e-3, 5e-3), ("plane", 1e-3, 5e-3), ("sphere", 5e-3, 0.5), ("tube", 5e-3, 2.0)],
 )
-def test_analytic_surfaces(look, scene: str, median: float, largest: float, kind: str) -> None:  # type: ignore[no-untyped-def]
+def test_analytic_surfaces(look, scene: str, median: float, largest: float, kind: str) -> None:
     camera: Camera = (LENS if kind == "omnidirectional" else PinholeCamera.c3vd()).resized((360, 450))
     depth, normals, mask = look(scene, camera.rays())
     found = normals_from_depth(depth.float(), camera.rays(), mask)
@@ -48,7 +48,7 @@ def test_analytic_surfaces(look, scene: str, median: float, largest: float, kind
 
 
 @pytest.mark.parametrize("scene", ["plane", "sphere", "tube"])
-def test_another_lens_gives_other_normals(look, scene: str) -> None:  # type: ignore[no-untyped-def]
+def test_another_lens_gives_other_normals(look, scene: str) -> None:
     """What the tolerances above would catch: the pinhole on frames of the true lens."""
     camera = LENS.resized((360, 450))
     depth, normals, mask = look(scene, camera.rays())
@@ -56,7 +56,7 @@ def test_another_lens_gives_other_normals(look, scene: str) -> None:  # type: ig
     assert errors(normals_from_depth(depth.float(), rays, mask), normals, mask).median() > 10
 
 
-def test_known_normals_are_unit_and_face_the_camera(look) -> None:  # type: ignore[no-untyped-def]
+def test_known_normals_are_unit_and_face_the_camera(look) -> None:
     depth, _, mask = look("tube", SMALL.rays())
     for values, rays in ((depth.float(), SMALL.rays()), (ROUGH, SMALL.rays())):
         found = normals_from_depth(values, rays, mask.expand_as(values))
@@ -106,7 +106,7 @@ def test_cropped_frames_have_cropped_normals() -> None:
     assert torch.equal(part[..., 1:-1, 1:-1], whole[..., 1:-1, 1:-1])
 
 
-def test_a_third_of_the_pixels_gives_nearly_the_same_normals(look) -> None:  # type: ignore[no-untyped-def]
+def test_a_third_of_the_pixels_gives_nearly_the_same_normals(look) -> None:
     camera = LENS.resized((360, 450))
     small = camera.resized((120, 150))
     torch.testing.assert_close(small.rays(), camera.rays()[:, 1::3, 1::3], atol=1e-6, rtol=0)
@@ -117,7 +117,7 @@ def test_a_third_of_the_pixels_gives_nearly_the_same_normals(look) -> None:  # t
     assert wrong.max() < 2
 
 
-def test_one_sided_beside_what_is_masked(look) -> None:  # type: ignore[no-untyped-def]
+def test_one_sided_beside_what_is_masked(look) -> None:
     """On a plane every stencil is exact, so that a masked neighbour may not be felt at all."""
     depth, normals, mask = look("plane", SMALL.rays())
     mask &= torch.rand(mask.shape, generator=torch.Generator().manual_seed(3)) > 0.3
@@ -126,7 +126,7 @@ def test_one_sided_beside_what_is_masked(look) -> None:  # type: ignore[no-untyp
     assert (found != 0).any(dim=1, keepdim=True)[mask].float().mean() > 0.7
 
 
-def test_a_step_is_felt_on_neither_side_of_a_masked_column(look) -> None:  # type: ignore[no-untyped-def]
+def test_a_step_is_felt_on_neither_side_of_a_masked_column(look) -> None:
     depth, normals, mask = look("plane", SMALL.rays())
     depth[..., 30:] *= 0.5  # another plane, with the same normal
     mask[..., 30] = False

@@ -19,7 +19,7 @@ def twin(preds: Tensor, target: Tensor, mask: Tensor, focus: float = 0.85, epsil
 
 
 @pytest.mark.parametrize(("name", "epsilon"), [("silog_loss", 0.0), ("silog_loss_eps1e-3", 1e-3)])
-def test_published_figures(published, name: str, epsilon: float) -> None:  # type: ignore[no-untyped-def]
+def test_published_figures(published, name: str, epsilon: float) -> None:
     figures, maps = published
     found = silog(maps["depth_pred"], maps["depth_gt"], maps["depth_gt"] > 1, log_epsilon=epsilon)
     assert found.item() == pytest.approx(figures[name], rel=1e-6)

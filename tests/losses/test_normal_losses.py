@@ -26,7 +26,7 @@ def gap_twin(preds: Tensor, target: Tensor, mask: Tensor) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("figure", "loss"), [("normal_l1", normal_l1), ("normal_rmse", normal_rmse)])
-def test_published_figures(published, figure: str, loss) -> None:  # type: ignore[no-untyped-def]
+def test_published_figures(published, figure: str, loss) -> None:
     figures, maps = published
     found = loss(maps["normal_pred"], maps["normal_gt"], maps["depth_gt"] > 1)
     assert found.item() == pytest.approx(figures[figure], rel=1e-5)
@@ -88,7 +88,7 @@ def test_half_precision_normals(name: str, dtype: torch.dtype) -> None:
 
 
 @pytest.mark.parametrize(("cross", "plain"), [(cross_task_l1, normal_l1), (cross_task_rmse, normal_rmse)])
-def test_consistency_leaves_out_pixels_without_a_derived_normal(cross, plain) -> None:  # type: ignore[no-untyped-def]
+def test_consistency_leaves_out_pixels_without_a_derived_normal(cross, plain) -> None:
     derived = MASK.flip(-1)
     target = torch.where(derived, TARGET, 0.0).requires_grad_()
     found = cross(PREDS, target, MASK)

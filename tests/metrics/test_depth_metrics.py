@@ -33,7 +33,7 @@ def frame(values: dict[str, Tensor], index: int) -> dict[str, float]:
     return {name: value[index].item() for name, value in values.items()}
 
 
-def test_published_depth_figures(published) -> None:  # type: ignore[no-untyped-def]
+def test_published_depth_figures(published) -> None:
     figures, maps = published
     target = maps["depth_gt"]
     found = depth_metrics(maps["depth_pred"], target, (target > 1e-3) & (target < 100))

@@ -30,7 +30,7 @@ def twin(p: np.ndarray, t: np.ndarray) -> dict[str, float]:
     }
 
 
-def test_published_normal_figures(published) -> None:  # type: ignore[no-untyped-def]
+def test_published_normal_figures(published) -> None:
     figures, maps = published
     mask = (maps["depth_gt"] > 1e-3) & (maps["depth_gt"] < 100)
     found = normal_metrics(maps["normal_pred"], maps["normal_gt"], mask, cosine_epsilon=1e-3)
