@@ -2,7 +2,6 @@
 
 import logging
 import math
-import shutil
 import sys
 import warnings
 from collections.abc import Mapping
@@ -10,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import torch
-import yaml
 from lightning import Callback, Trainer, seed_everything
 from lightning.pytorch.callbacks import LearningRateMonitor, ModelCheckpoint, RichProgressBar
 from lightning.pytorch.loggers import Logger
@@ -18,7 +16,8 @@ from lightning.pytorch.loggers import Logger
 from col3d.app import build
 from col3d.app.config import TrainOptions
 from col3d.app.errors import check_options
-from col3d.app.results import Results, read_summary
+from col3d.app.results import Results
+from col3d.app.run_folder import RunFolder
 from col3d.app.tracking import csv_logger, wandb_run
 from col3d.callbacks import EpochLines, FiniteLoss
 from col3d.callbacks.finite_loss import DivergedError
@@ -33,9 +32,8 @@ WATCHED = "val/abs_rel"
 def train(given: Mapping[str, Any]) -> float:
     """Run the whole job that the options describe.
 
-    A folder that holds the finished run of the same options is left as it is, and its table shown again.
-
-    One that was cut off goes on from its last epoch.
+    A folder that holds the finished run of the same options is left as it is, and its table shown again; one
+    that was cut off goes on from its last epoch.
 
     Args:
         given: the composed configuration as plain values; see `TrainOptions`.
@@ -47,44 +45,38 @@ def train(given: Mapping[str, Any]) -> float:
         UserError: an option or the data breaks a rule, in one line for each.
     """
     options = check_options(TrainOptions, given)
-    folder = Path(options.output_dir)
-    finished = _finished(folder, options)
-    if finished is not None:
-        print_summary(finished)
-        print(f"finished before: {folder}; overwrite=true trains again")
-        return float(finished["best"][WATCHED])
-    folder.mkdir(parents=True, exist_ok=True)
-    cut_off = _cut_off(folder, options)
+    folder = RunFolder(options)
+    if folder.finished is not None:
+        print_summary(folder.finished)
+        print(f"finished before: {folder.path}; overwrite=true trains again")
+        return float(folder.finished["best"][WATCHED])
     seed_everything(options.seed, workers=True, verbose=False)
     data = build.data_module(options.data, options.phantom, options.seed)
     task = build.task(options)
-    (folder / "config.yaml").write_text(
-        yaml.safe_dump(options.model_dump(), sort_keys=False), encoding="utf-8"
-    )
-    with wandb_run(options, folder) as loggers:
-        loggers.append(csv_logger(folder, continued=cut_off is not None))
-        return _fit_and_test(options, folder, data, task, loggers, cut_off)
+    folder.begin()
+    with wandb_run(options, folder.path) as loggers:
+        loggers.append(csv_logger(folder.path, continued=folder.cut_off is not None))
+        return _fit_and_test(options, folder, data, task, loggers)
 
 
 def _fit_and_test(
     options: TrainOptions,
-    folder: Path,
+    folder: RunFolder,
     data: FrameDataModule,
     task: SupervisedTask,
     loggers: list[Logger],
-    cut_off: Path | None,
 ) -> float:
     best = ModelCheckpoint(
-        folder / "checkpoints",
+        folder.path / "checkpoints",
         filename="best",
         monitor=WATCHED,
         save_last=True,
         enable_version_counter=False,
     )
-    results = Results(options, folder, "test", data.lengths())
+    results = Results(options, folder.path, "test", data.lengths())
     trainer = make_trainer(options, [best, *_watchers(), *results.callbacks], loggers)
     try:
-        trainer.fit(task, datamodule=data, ckpt_path=cut_off, weights_only=True)
+        trainer.fit(task, datamodule=data, ckpt_path=folder.cut_off, weights_only=True)
     except DivergedError as error:
         raise UserError(str(error)) from None
     if best.best_model_score is None or not math.isfinite(best.best_model_score):
@@ -139,40 +131,3 @@ def _watchers() -> list[Callback]:
 def _epoch(best: ModelCheckpoint) -> int:
     checkpoint = torch.load(best.best_model_path, map_location="cpu", weights_only=True)
     return int(checkpoint["epoch"])
-
-
-def _finished(folder: Path, options: TrainOptions) -> dict[str, Any] | None:
-    """Summary of the finished run of these options in this folder.
-
-    Raises:
-        UserError: the folder holds the finished run of other options.
-    """
-    summary = read_summary(folder)
-    if summary is None or options.overwrite:
-        return None
-    if changed := _changes(folder, options):
-        raise UserError(
-            f"{folder} holds a finished run with another {', '.join(changed)}; "
-            "give overwrite=true to replace it, or another hydra.run.dir"
-        )
-    return summary
-
-
-def _cut_off(folder: Path, options: TrainOptions) -> Path | None:
-    """Last checkpoint of an unfinished run of the same options; what else lies there is cleared away."""
-    last = folder / "checkpoints" / "last.ckpt"
-    if last.is_file() and not options.overwrite and not _changes(folder, options):
-        print(f"goes on from {last}", flush=True)
-        return last
-    (folder / "summary.json").unlink(missing_ok=True)
-    for name in ("checkpoints", "panels"):
-        shutil.rmtree(folder / name, ignore_errors=True)
-    return None
-
-
-def _changes(folder: Path, options: TrainOptions) -> list[str]:
-    """Options that differ from those of the run in this folder."""
-    path = folder / "config.yaml"
-    before = yaml.safe_load(path.read_text(encoding="utf-8")) if path.is_file() else {}
-    now = options.model_dump()
-    return [name for name in now if name != "overwrite" and now[name] != before.get(name)]
