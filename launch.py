@@ -19,7 +19,7 @@ from omegaconf.errors import OmegaConfBaseException
 from col3d.checks import DataError, UserError, nearest_name
 
 CONF = Path(__file__).parent / "conf"
-BAD_INPUT = (DataError, UserError)
+BAD_INPUT = (DataError, UserError, OSError)
 EXIT_CODE = 2
 LONGEST_NAME = 100
 Run = Callable[[dict[str, Any]], Any]
@@ -42,6 +42,7 @@ def launch(config_name: str, run: Run) -> None:
     Bad input ends in one line for each fault and exit code 2; any other exception keeps its traceback.
     """
     os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra hands exceptions on instead of printing them
+    _check_choices(sys.argv[1:])
 
     def job(config: DictConfig) -> Any:
         try:
@@ -52,14 +53,24 @@ def launch(config_name: str, run: Run) -> None:
             _drop_if_empty(Path(HydraConfig.get().runtime.output_dir))
             if HydraConfig.get().mode == RunMode.MULTIRUN:
                 raise  # the jobs that follow are to run
-            _refuse(str(error) if isinstance(error, BAD_INPUT) else _explain(error, config_name))
+            _refuse(_explain(error, config_name))
 
     try:
         hydra_main(version_base="1.3", config_path=str(CONF), config_name=config_name)(job)()
-    except (HydraException, OmegaConfBaseException) as error:
+    except (HydraException, OmegaConfBaseException, *BAD_INPUT) as error:
         _refuse(_explain(error, config_name))
-    except BAD_INPUT as error:
-        _refuse(str(error))
+
+
+def _check_choices(arguments: list[str]) -> None:
+    """Refuse a group that is given a list or nothing: Hydra would take the last of a list without a word."""
+    for argument in arguments:
+        group, _, choice = argument.partition("=")
+        if (CONF / group).is_dir() and group and re.match(r"[\[\d]|(null|none)?$", choice):
+            known = sorted(path.stem for path in (CONF / group).glob("*.yaml"))
+            if (group, choice) != ("experiment", "null"):
+                _refuse(
+                    f"{group}: expected one of {', '.join(known)}, got {choice!r}; sweep with -m {group}=a,b"
+                )
 
 
 def _drop_if_empty(folder: Path) -> None:
@@ -75,6 +86,10 @@ def _refuse(message: str) -> None:
 
 def _explain(error: Exception, config_name: str) -> str:
     """Hydra's complaint about the command line as one line, with the nearest valid name."""
+    if isinstance(error, OSError) and not isinstance(error, HydraException):  # some of Hydra's are both
+        return f"{error.filename or 'file'}: {error.strerror or error}"
+    if isinstance(error, DataError | UserError):
+        return str(error).rpartition("DataError: ")[2].strip()  # a loader's worker sends its traceback along
     text = " ".join(f"{error} {error.__cause__ or ''}".split())
     for pattern, explanation in COMPLAINTS.items():
         if found := re.search(pattern, text):
@@ -97,7 +112,8 @@ def _missing_value(option: str, config_name: str) -> str:
 
 
 def _bare_list(option: str, config_name: str) -> str:
-    return f"{option}: write a list in brackets, [0.5,0.3,0.2], or sweep over the values with -m"
+    brackets = "" if (CONF / option).is_dir() else "write a list in brackets, [0.5,0.3,0.2], or "
+    return f"{option}: {brackets}sweep over the values with -m"
 
 
 def _unreadable(override: str, config_name: str) -> str:
@@ -117,7 +133,7 @@ def _options(config_name: str) -> list[str]:
     """Every option of the configuration, dotted."""
     with initialize_config_dir(str(CONF), version_base="1.3"):
         config = OmegaConf.to_container(compose(config_name), resolve=False)
-    return list(_dotted(config)) + [path.name for path in CONF.iterdir() if path.is_dir()]
+    return _dotted(config) + ["experiment"] * (config_name == "train")
 
 
 def _dotted(node: Any, prefix: str = "") -> list[str]:

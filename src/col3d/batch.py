@@ -36,3 +36,21 @@ class Prediction(TypedDict):
     """Depth along the optical axis in mm, in (0, max_depth)."""
     normals: NotRequired[Float[Tensor, "b 3 h w"]]
     """Unit vectors in camera axes."""
+
+
+def check_maps(preds: Tensor, target: Tensor, mask: Tensor) -> None:
+    """Refuse maps that broadcasting would combine into a wrong number.
+
+    Raises:
+        ValueError: `target` has another shape than `preds`, or `mask` is not (b, 1, h, w) of them.
+    """
+    if preds.ndim != 4 or preds.shape != target.shape:
+        raise ValueError(
+            f"preds, target: expected one shape (b, c, h, w), got {_size(preds)} and {_size(target)}"
+        )
+    if mask.shape != (preds.shape[0], 1, *preds.shape[2:]):
+        raise ValueError(f"mask: expected (b, 1, h, w) of preds {_size(preds)}, got {_size(mask)}")
+
+
+def _size(tensor: Tensor) -> str:
+    return str(tuple(tensor.shape))

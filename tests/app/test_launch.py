@@ -27,15 +27,21 @@ def call(script: str, *arguments: str, cwd: Path) -> subprocess.CompletedProcess
         (["loss.lambdas=0.5,0.3,0.2"], ["loss.lambdas", "in brackets"]),
         (["loss.lambdas=[0.5,", "0.3]"], ["without spaces"]),
         (["data=c3vd"], ["data.root: a value is needed"]),
+        (["model=bts,col3d_mtl"], ["model: sweep over the values with -m"]),
+        (["model=[bts,col3d_mtl]"], ["model: expected one of bts", "sweep with -m"]),
+        (["loss=null"], ["loss: expected one of mtl", "null"]),
+        (["trainer.accelerator=cuda"], ["trainer.accelerator: this machine has no cuda"]),
+        (["hydra.run.dir=/proc/nowhere"], ["/proc/nowhere: "]),
+        (["trainer.devices=0"], ["trainer.devices: "]),
         (["loss.lambdas=[0.5,0.3]"], ["loss.lambdas", "3 weight(s)"]),
-        (["data=c3vd", "data.root=nowhere"], ["data.root=nowhere", "no such folder"]),
+        (["data=c3vd", "data.root=nowhere"], ["data.root=", "nowhere: no such folder"]),
     ],
 )
 def test_bad_input_ends_in_one_line_and_exit_code_2(
     arguments: list[str], expected: list[str], tmp_path: Path
 ) -> None:
     answer = call("train.py", *arguments, cwd=tmp_path)
-    assert answer.returncode == 2
+    assert answer.returncode == 2, answer.stderr
     assert len(answer.stderr.strip().splitlines()) == 1
     for part in expected:
         assert part in answer.stderr

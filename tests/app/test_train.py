@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -88,10 +89,40 @@ def test_a_finished_run_is_kept(tiny: Compose, tmp_path: Path, capsys: pytest.Ca
     assert train(tiny()) == first
     assert "finished before" in capsys.readouterr().out
     assert (tmp_path / "run" / "summary.json").stat().st_mtime_ns == written
+    assert train(tiny("data.workers=1")) == first
     with pytest.raises(UserError, match=r"another seed.*overwrite=true"):
         train(tiny("seed=3"))
+    with pytest.raises(DataError):
+        train(tiny("seed=3", "overwrite=true", "data.split.test=[desc_t4_a:50-60]"))
+    assert (tmp_path / "run" / "checkpoints" / "best.ckpt").is_file()
     train(tiny("seed=3", "overwrite=true"))
     assert (tmp_path / "run" / "summary.json").stat().st_mtime_ns > written
+
+
+def test_a_folder_of_something_else_is_left_alone(tiny: Compose, tmp_path: Path) -> None:
+    mine = tmp_path / "run" / "checkpoints" / "mine.pt"
+    mine.parent.mkdir(parents=True)
+    mine.write_text("precious")
+    with pytest.raises(UserError, match="of something else"):
+        train(tiny("overwrite=true"))
+    assert mine.read_text() == "precious"
+
+
+def test_what_is_no_checkpoint_of_ours_is_refused(tiny: Compose, tmp_path: Path) -> None:
+    class Payload:
+        def __reduce__(self) -> Any:
+            return (Path.touch, (tmp_path / "executed",))
+
+    options = tiny()
+    contents = [b"", b"PK", b"a: [1]", Payload(), torch.zeros(3), {"state_dict": {}}, [1], options]
+    ours = {"hyper_parameters": {"options": {**options, "output_dir": "x"}}}
+    contents += [{"hyper_parameters": {"options": "hi"}}, ours, {**ours, "state_dict": {"a": torch.zeros(1)}}]
+    path = tmp_path / "some.ckpt"
+    for content in contents:
+        path.write_bytes(content) if isinstance(content, bytes) else torch.save(content, path)
+        with pytest.raises(UserError, match=r"^checkpoint: .*some\.ckpt"):
+            evaluate({**EVALUATE, "checkpoint": str(path), "output_dir": str(tmp_path / "out")})
+    assert not (tmp_path / "executed").exists()
 
 
 def test_bfloat16_and_pinhole_geometry_step(tiny: Compose) -> None:
@@ -108,6 +139,10 @@ def test_two_processes_score_each_frame_once(tiny: Compose, tmp_path: Path) -> N
     train(options)
     answer = call("train.py", *arguments, cwd=tmp_path)
     assert answer.returncode == 0, answer.stderr
+    baselines = [
+        json.loads((run / "summary.json").read_text())["baseline"] for run in (tmp_path / "run", folder)
+    ]
+    assert baselines[0] == pytest.approx(baselines[1], rel=0.2)  # the doubled step pads five frames to six
     alone = read_per_frame(tmp_path / "run" / "per_frame.csv")
     both = read_per_frame(folder / "per_frame.csv")
     assert [(row["video"], row["frame"]) for row in both] == [(row["video"], row["frame"]) for row in alone]
@@ -160,12 +195,39 @@ def test_a_run_that_was_cut_off_goes_on_to_the_same_weights(
         patched.setattr(EpochLines, "on_train_epoch_end", cut)
         with pytest.raises(PowerCutError):
             train(options("cut"))
+    checkpoints = tmp_path / "cut" / "checkpoints"
+    (checkpoints / "best.ckpt").write_bytes((checkpoints / "last.ckpt").read_bytes())
+    (checkpoints / "last.ckpt").write_bytes(
+        (checkpoints / "best.ckpt").read_bytes()[:5000]
+    )  # cut while saving
     assert not (tmp_path / "cut" / "summary.json").exists()
     train(options("cut"))
     whole, continued = weights("whole"), weights("cut")
     assert all(torch.equal(whole[name], continued[name]) for name in whole)
-    assert columns("cut")[-1] == columns("whole")[-1]
+    assert columns("cut") == columns("whole")
     assert len(columns("whole")) == 3
+
+
+def test_a_file_that_spoils_is_one_line_even_from_a_worker(tiny: Compose, tmp_path: Path) -> None:
+    train(tiny())
+    root = Path(tiny()["data"]["root"])
+    shutil.copytree(root, tmp_path / "copy")
+    spoilt = tmp_path / "copy" / "cecum_t1_a" / "0001_color.png"
+    content = bytearray(spoilt.read_bytes())
+    content[200:-50] = bytes(len(content) - 250)
+    spoilt.write_bytes(content)
+    arguments = [
+        *TINY,
+        f"data.root={tmp_path / 'copy'}",
+        "data.workers=1",
+        f"hydra.run.dir={tmp_path / 'spoilt'}",
+    ]
+    answer = call("train.py", *arguments, cwd=tmp_path)
+    assert answer.returncode == 2
+    errors = [line for line in answer.stderr.splitlines() if line.startswith("error:")]
+    assert len(errors) == 1
+    assert "0001_color.png" in errors[0]
+    assert "Traceback" not in answer.stderr
 
 
 def test_missing_videos_are_named_or_left_out(tiny: Compose, tmp_path: Path) -> None:

@@ -41,6 +41,12 @@ def phantom_settings(options: PhantomOptions, videos: Iterable[str] | None = Non
     )
 
 
+def with_absolute_root(options: TrainOptions) -> TrainOptions:
+    """The options with a data.root that holds from any folder."""
+    data = options.data.model_copy(update={"root": str(Path(options.data.root).absolute())})
+    return options.model_copy(update={"data": data})
+
+
 def camera(options: DataOptions, phantom: PhantomOptions) -> Camera:
     """Lens and size of the stored frames."""
     if options.name == "phantom":
@@ -160,5 +166,14 @@ def scheduler(options: SchedulerOptions) -> Callable[[Optimizer, int], LRSchedul
 
 
 def load_weights(built: SupervisedTask, checkpoint: Path) -> None:
-    """Load a checkpoint of ours into a task, opened as weights and plain values only."""
-    built.load_state_dict(torch.load(checkpoint, map_location="cpu", weights_only=True)["state_dict"])
+    """Load a checkpoint of ours into a task, opened as weights and plain values only.
+
+    Raises:
+        UserError: its tensors are not those of the task.
+    """
+    content = torch.load(checkpoint, map_location="cpu", weights_only=True)
+    try:
+        built.load_state_dict(content["state_dict"])
+    except (KeyError, TypeError, RuntimeError) as error:
+        reason = " ".join(str(error).split())
+        raise UserError(f"checkpoint: {checkpoint} does not fit its own options: {reason[:300]}") from None

@@ -15,7 +15,8 @@ from pydantic import (
 Split = Literal["train", "val", "test"]
 Weight = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Probability = Annotated[float, Field(ge=0, le=1)]
-Side = Annotated[int, Field(ge=32)]
+Side = Annotated[int, Field(ge=64)]
+"""Of frames that networks see: a batch of one needs more than one cell at 1/32."""
 NoneWord = BeforeValidator(lambda value: None if value == "none" else value)
 """Lets `none` on a command line stand for null."""
 
@@ -140,7 +141,7 @@ class LoggerOptions(Options):
     """`csv` always; `wandb` adds Weights & Biases."""
 
     name: Literal["csv", "wandb"]
-    project: str
+    project: Annotated[str, Field(pattern=r"^[^/\\#?%:]+$")]
     offline: bool
 
 
@@ -174,8 +175,8 @@ class TrainOptions(Options):
         asked = [term for term in loss.terms if term != "depth"]
         if asked and not model.predicts_normals:
             raise ValueError(
-                f"loss: the terms {' and '.join(asked)} need normals, which model={model.name} "
-                "does not predict; take loss=silog, or model=bts_cbam_mtl or col3d_mtl"
+                f"loss: {' and '.join(asked)} cannot be served, because model={model.name} "
+                "predicts no normals; take loss=silog, or model=bts_cbam_mtl or col3d_mtl"
             )
         if len(loss.lambdas) != len(loss.terms):
             raise ValueError(

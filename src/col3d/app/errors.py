@@ -20,25 +20,37 @@ def check_options(options: type[OptionsType], given: Mapping[str, Any]) -> Optio
     try:
         return options.model_validate(given)
     except ValidationError as error:
-        lines = dict.fromkeys(_line(options, detail) for detail in error.errors())
+        found: dict[str, list[ErrorDetails]] = {}
+        for detail in error.errors():
+            found.setdefault(_option(detail), []).append(detail)
+        lines = [_line(options, option, details) for option, details in found.items()]
         raise UserError("\n".join(lines)) from None
 
 
-def _line(options: type[BaseModel], detail: ErrorDetails) -> str:
-    path = [str(part) for part in detail["loc"] if not _is_union_branch(str(part))]
-    option = ".".join(path)
-    if detail["type"] == "extra_forbidden":
-        names = [".".join([*path[:-1], name]) for name in _fields(options, path[:-1])]
-        return f"{option}: no such option{nearest_name(option, names)}"
-    if detail["type"] == "value_error" and not path:
-        return detail["msg"].removeprefix("Value error, ")
-    rule = detail["msg"].replace("Input should be", "expected").replace("List should have", "expected")
-    return f"{option}: {rule}, got {detail['input']!r}"
+def _option(detail: ErrorDetails) -> str:
+    return ".".join(str(part) for part in detail["loc"] if not _is_union_branch(str(part)))
 
 
 def _is_union_branch(part: str) -> bool:
     """Pydantic names the branch of a union it tried inside the location."""
-    return part in ("int", "float", "none") or "[" in part
+    return part in ("int", "float", "none") or "[" in part or part.startswith("constrained-")
+
+
+def _line(options: type[BaseModel], option: str, details: list[ErrorDetails]) -> str:
+    """All that is wrong with one option: a union has a rule for each of its branches."""
+    kind, came = details[0]["type"], details[0]["input"]
+    if kind == "extra_forbidden":
+        *group, _ = option.split(".")
+        names = [".".join([*group, name]) for name in _fields(options, group)]
+        return f"{option}: no such option{nearest_name(option, names)}"
+    if kind == "missing":
+        return f"{option}: a value is needed"
+    if kind == "value_error" and not option:
+        return details[0]["msg"].removeprefix("Value error, ")
+    rules = [
+        detail["msg"].replace("Input should be ", "").replace("List should have ", "") for detail in details
+    ]
+    return f"{option}: expected {' or '.join(dict.fromkeys(rules))}, got {came!r}"
 
 
 def _fields(options: type[BaseModel], path: list[str]) -> list[str]:

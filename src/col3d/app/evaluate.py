@@ -1,6 +1,5 @@
 """Score a checkpoint of a training on a part of a split."""
 
-import pickle
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ from col3d.app import build
 from col3d.app.config import EvaluateOptions, TrainOptions
 from col3d.app.errors import check_options
 from col3d.app.results import Results
-from col3d.app.train import make_trainer
+from col3d.app.train import check_accelerator, make_trainer, quiet
 from col3d.checks import UserError
 
 
@@ -24,7 +23,9 @@ def evaluate(given: Mapping[str, Any]) -> None:
     Raises:
         UserError: an option, the checkpoint or the data breaks a rule.
     """
+    quiet()
     options = check_options(EvaluateOptions, given)
+    check_accelerator(options.accelerator)
     path = Path(options.checkpoint)
     trained = _as_asked(trained_options(path), options)
     folder = Path(options.output_dir) if options.output_dir else _beside(path, options.split)
@@ -50,10 +51,13 @@ def trained_options(path: Path) -> TrainOptions:
         raise UserError(f"checkpoint: no such file: {path}")
     try:
         checkpoint = torch.load(path, map_location="cpu", weights_only=True)
-        given = checkpoint["hyper_parameters"]["options"]
-    except (KeyError, TypeError, RuntimeError, pickle.UnpicklingError, EOFError):
+        given = dict(checkpoint["hyper_parameters"]["options"])
+    except Exception:  # a file that is none of ours may fail in any way while it is read
         raise UserError(f"checkpoint: {path} is not a checkpoint written by train.py") from None
-    return check_options(TrainOptions, given)
+    try:
+        return check_options(TrainOptions, given)
+    except UserError as error:
+        raise UserError(f"checkpoint: {path} was trained with options of another version: {error}") from None
 
 
 def _as_asked(trained: TrainOptions, options: EvaluateOptions) -> TrainOptions:

@@ -1,14 +1,21 @@
 """The folder of a run: what lies there already, and what may be replaced."""
 
+import pickle
 import shutil
 from pathlib import Path
 from typing import Any
 
+import torch
 import yaml
 
 from col3d.app.config import TrainOptions
 from col3d.app.results import read_summary
 from col3d.checks import UserError
+
+CONFIG = "config.yaml"
+CHECKPOINTS = "checkpoints"
+UNRELATED = {"overwrite", "output_dir", "logger"}
+"""Groups and options that change nothing in the weights and numbers of a run."""
 
 
 class RunFolder:
@@ -18,14 +25,16 @@ class RunFolder:
         options: of the run that is asked for.
 
     Raises:
-        UserError: the folder holds the run of other options, and overwrite is not set.
+        UserError: the folder holds something else: the run of other options, while overwrite is not set, or
+            files that are no run's.
     """
 
     def __init__(self, options: TrainOptions) -> None:
         self.options, self.path = options, Path(options.output_dir)
+        if (self.path / CHECKPOINTS).exists() and not (self.path / CONFIG).is_file():
+            raise UserError(f"{self.path} holds {CHECKPOINTS} of something else; give another hydra.run.dir")
         found = None if options.overwrite else read_summary(self.path)
-        last = self.path / "checkpoints" / "last.ckpt"
-        self.cut_off = last if last.is_file() and found is None and not options.overwrite else None
+        self.cut_off = None if options.overwrite or found else self._last_checkpoint()
         if (found or self.cut_off) and (changed := self._changes()):
             raise UserError(
                 f"{self.path} holds a run with another {', '.join(changed)}; "
@@ -38,16 +47,41 @@ class RunFolder:
         self.path.mkdir(parents=True, exist_ok=True)
         if self.cut_off is None:
             (self.path / "summary.json").unlink(missing_ok=True)
-            for name in ("checkpoints", "panels"):
+            for name in (CHECKPOINTS, "panels"):
                 shutil.rmtree(self.path / name, ignore_errors=True)
         else:
             print(f"goes on from {self.cut_off}", flush=True)
-        text = yaml.safe_dump(self.options.model_dump(), sort_keys=False)
-        (self.path / "config.yaml").write_text(text, encoding="utf-8")
+        partial = self.path / f"{CONFIG}.partial"
+        partial.write_text(yaml.safe_dump(self.options.model_dump(), sort_keys=False), encoding="utf-8")
+        partial.replace(self.path / CONFIG)
+
+    def _last_checkpoint(self) -> Path | None:
+        """The newest checkpoint that can be read: one that was cut off while it was saved cannot."""
+        for name in ("last.ckpt", "best.ckpt"):
+            path = self.path / CHECKPOINTS / name
+            if path.is_file():
+                try:
+                    torch.load(path, map_location="cpu", weights_only=True)
+                except (RuntimeError, OSError, EOFError, ValueError, pickle.UnpicklingError):
+                    print(f"note: {path} was cut off while it was saved and is left aside", flush=True)
+                else:
+                    return path
+        return None
 
     def _changes(self) -> list[str]:
-        """Options that differ from those of the run in this folder."""
-        config = self.path / "config.yaml"
-        before = yaml.safe_load(config.read_text(encoding="utf-8")) if config.is_file() else {}
-        now = self.options.model_dump()
-        return [name for name in now if name != "overwrite" and now[name] != before.get(name)]
+        """Options that differ from those of the run in this folder, and matter."""
+        config = self.path / CONFIG
+        before = yaml.safe_load(config.read_text(encoding="utf-8")) if config.is_file() else None
+        return _differing(before or {}, self.options.model_dump())
+
+
+def _differing(before: dict[str, Any], now: dict[str, Any]) -> list[str]:
+    names = []
+    for name in sorted((before.keys() | now.keys()) - UNRELATED):
+        old, new = before.get(name), now.get(name)
+        if isinstance(old, dict) and isinstance(new, dict):
+            inner = (k for k in sorted(old.keys() | new.keys()) if old.get(k) != new.get(k))
+            names += [f"{name}.{k}" for k in inner if (name, k) != ("data", "workers")]
+        elif old != new:
+            names.append(name)
+    return names

@@ -15,9 +15,12 @@ def csv_logger(folder: Path, continued: bool) -> CSVLogger:
     """Logs into metrics.csv; a run that goes on keeps the rows it had."""
     path = folder / "metrics.csv"
     before = list(csv.DictReader(path.read_text().splitlines())) if continued and path.is_file() else []
+    whole = max((i + 1 for i, row in enumerate(before) if row.get("train/loss")), default=0)
     logger = CSVLogger(folder, name="", version="")
-    for row in before:
-        values: dict[str, Tensor | float] = {k: float(v) for k, v in row.items() if v and k != "step"}
+    for row in before[:whole]:  # the epoch that was cut off is logged again
+        values: dict[str, Tensor | float] = {
+            k: int(v) if v.isdigit() else float(v) for k, v in row.items() if v and k != "step"
+        }
         logger.log_metrics(values, int(row["step"]))
     return logger
 

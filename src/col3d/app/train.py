@@ -27,6 +27,8 @@ from col3d.reports.summary import print_summary
 from col3d.tasks import SupervisedTask
 
 WATCHED = "val/abs_rel"
+INTERRUPTED = 130
+"""Exit code after Ctrl-C."""
 
 
 def train(given: Mapping[str, Any]) -> float:
@@ -44,7 +46,10 @@ def train(given: Mapping[str, Any]) -> float:
     Raises:
         UserError: an option or the data breaks a rule, in one line for each.
     """
+    quiet()
     options = check_options(TrainOptions, given)
+    check_accelerator(options.trainer.accelerator)
+    options = build.with_absolute_root(options)
     folder = RunFolder(options)
     if folder.finished is not None:
         print_summary(folder.finished)
@@ -79,6 +84,9 @@ def _fit_and_test(
         trainer.fit(task, datamodule=data, ckpt_path=folder.cut_off, weights_only=True)
     except DivergedError as error:
         raise UserError(str(error)) from None
+    except (KeyboardInterrupt, SystemExit):
+        print("stopped; the same command goes on from the last epoch", flush=True)
+        raise SystemExit(INTERRUPTED) from None
     if best.best_model_score is None or not math.isfinite(best.best_model_score):
         raise UserError(f"{WATCHED} was never finite: nothing to evaluate; lower optimizer.lr")
     build.load_weights(task, Path(best.best_model_path))
@@ -98,9 +106,20 @@ def quiet() -> None:
     warnings.filterwarnings("ignore", message=".*does not have many workers which may be a bottleneck")
 
 
+def check_accelerator(name: str) -> None:
+    """Refuse an accelerator that this machine does not have.
+
+    Raises:
+        UserError: names the option.
+    """
+    there = {"gpu": torch.cuda.is_available() or torch.backends.mps.is_available()}
+    there |= {"cuda": torch.cuda.is_available(), "mps": torch.backends.mps.is_available()}
+    if not there.get(name, True):
+        raise UserError(f"trainer.accelerator: this machine has no {name}; take auto or cpu")
+
+
 def make_trainer(options: TrainOptions, callbacks: list[Callback], loggers: list[Logger]) -> Trainer:
     """Lightning's Trainer; samplers are ours, so that evaluation counts each frame once under DDP."""
-    quiet()
     given = options.trainer
     return Trainer(
         max_epochs=given.max_epochs,

@@ -78,6 +78,11 @@ class C3VD(Dataset[dict[str, Any]]):
         self.frames: list[Frame] = []
         for entry in videos:
             frames = self._frames_of(parse_selection(entry, present))
+            if twice := set(frames) & set(self.frames):
+                first = min(twice, key=lambda frame: frame.number)
+                raise DataError(
+                    f"split entry {entry!r}: frame {first.number} of {first.video} is chosen already"
+                )
             self.releases[frames[0].video] = self._release_of(frames, release)
             self.frames += frames
 
@@ -124,7 +129,7 @@ class C3VD(Dataset[dict[str, Any]]):
         kinds = {kind: numbered(folder, kind, ending) for kind, (ending, _, _) in KINDS.items()}
         chosen = sorted(n for n in kinds["color"].keys() | kinds["depth"].keys() if n in selection)
         if not chosen:
-            raise DataError(f"{folder}: no frames NNNN_color.png with NNNN_depth.tiff of {selection} in it")
+            raise DataError(f"{folder}: no frames NNNN_color.png with NNNN_depth.tiff for {selection} in it")
         needed = ["color", "depth", *(["normals"] if self.normals == "stored" else [])]
         for kind in needed:
             for number in chosen:

@@ -70,6 +70,7 @@ class FrameDataModule(LightningDataModule):
     def train_dataloader(self) -> DataLoader[Any]:
         """Shuffled by (seed, epoch); the last, smaller batch is used too."""
         rank, world_size = self._place()
+        self._check_lengths(world_size)
         sampler: Sampler[int] = DistributedSampler(
             self.frames["train"], world_size, rank, shuffle=True, seed=self.seed
         )
@@ -89,13 +90,16 @@ class FrameDataModule(LightningDataModule):
             return batch
         return self.augment(batch, self.seed, self.trainer.current_epoch)
 
+    def _check_lengths(self, world_size: int) -> None:
+        for split, length in self.lengths().items():
+            if length < world_size:
+                raise DataError(
+                    f"data.split.{split}: {length} frames are fewer than {world_size} processes; "
+                    "take more frames or fewer trainer.devices"
+                )
+
     def _evaluation(self, split: str) -> DataLoader[Any]:
         rank, world_size = self._place()
-        if self.lengths()[split] < world_size:
-            raise DataError(
-                f"data.split.{split}: {self.lengths()[split]} frames are fewer than {world_size} processes; "
-                "take more frames or fewer trainer.devices"
-            )
         return self._loader(split, EveryFrameOnce(self.lengths()[split], rank, world_size))
 
     def _loader(self, split: str, sampler: Sampler[int]) -> DataLoader[Any]:

@@ -25,7 +25,7 @@ def check_header(path: Path, size_hw: tuple[int, int], channels: int, bits: int)
         with warnings.catch_warnings(action="ignore"), Image.open(path) as image:  # pillow warns, then raises
             found_hw, found = (image.height, image.width), _channels_and_bits(image, path)
             end = _data_end(image)
-    except (UnidentifiedImageError, OSError, SyntaxError) as error:
+    except (UnidentifiedImageError, OSError, SyntaxError, ValueError) as error:
         raise DataError(f"{path}: not a readable image ({error})") from None
     if found_hw != size_hw:
         raise DataError(

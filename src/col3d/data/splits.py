@@ -36,6 +36,9 @@ class Selection:
     first: int | None = None
     last: int | None = None
 
+    def __str__(self) -> str:
+        return self.video if self.first is None else f"{self.video}:{self.first}-{self.last}"
+
     def __contains__(self, frame: int) -> bool:
         return (self.first is None or frame >= self.first) and (self.last is None or frame <= self.last)
 

@@ -14,10 +14,10 @@ MIN_AHEAD = 1e-3
 
 
 def unit(vectors: Float[Tensor, "*b 3 h w"]) -> Float[Tensor, "*b 3 h w"]:
-    """Vectors at unit length; the zero vector (and its gradient) stays zero."""
+    """Vectors at unit length; the zero vector (and its gradient) stays zero, NaN stays NaN."""
     squared = vectors.square().sum(dim=-3, keepdim=True)
-    known = squared > TINY
-    return torch.where(known, vectors * torch.where(known, squared, 1.0).rsqrt(), 0.0)
+    zero = squared <= TINY
+    return torch.where(zero, 0.0, vectors * torch.where(zero, 1.0, squared).rsqrt())
 
 
 def normals_from_depth(
@@ -74,6 +74,6 @@ def angle_between(a: Float[Tensor, "*b 3 h w"], b: Float[Tensor, "*b 3 h w"]) ->
     """
     cross = a.roll(-1, dims=-3) * b.roll(-2, dims=-3) - a.roll(-2, dims=-3) * b.roll(-1, dims=-3)
     crossed = cross.square().sum(dim=-3, keepdim=True)
-    apart = crossed > 0
-    sine = torch.where(apart, torch.where(apart, crossed, 1.0).sqrt(), 0.0)
+    parallel = crossed == 0
+    sine = torch.where(parallel, 0.0, torch.where(parallel, 1.0, crossed).sqrt())
     return torch.rad2deg(torch.atan2(sine, (a * b).sum(dim=-3, keepdim=True)))

@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from col3d.layers.conv import UpConv, UpFuse, conv_elu, shrink
+from col3d.layers.conv import UpConv, UpFuse, at_least_float32, conv_elu, shrink
 from col3d.layers.planar import PlanarGuidance, Reduction
 
 
@@ -19,7 +19,7 @@ class FinestDepth(nn.Module):
 
     def forward(self, x: Float[Tensor, "b _ h w"]) -> Float[Tensor, "b 1 h w"]:
         """A map -> fraction of the maximum depth in (0, 1)."""
-        return torch.sigmoid(self.reduction(x).float())
+        return torch.sigmoid(at_least_float32(self.reduction(x)))
 
 
 class DepthDecoder(nn.Module):
@@ -70,4 +70,4 @@ class DepthDecoder(nn.Module):
         x = self.up1(x)
         x = self.fuse(torch.cat([x, self.finest(x), at2, at4, at8], dim=1))
         with torch.autocast(x.device.type, enabled=False):
-            return self.max_depth * torch.sigmoid(self.head(x.float()))
+            return self.max_depth * torch.sigmoid(at_least_float32(self.head(x.to(self.head.weight.dtype))))

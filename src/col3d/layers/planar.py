@@ -11,7 +11,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from col3d.layers.conv import conv_elu
+from col3d.layers.conv import at_least_float32, conv_elu
 
 SMALLEST_INCIDENCE = 1e-4
 
@@ -99,7 +99,7 @@ class PlanarGuidance(nn.Module):
         """A map -> fraction of the maximum depth, mostly in (0, 1)."""
         reduced = self.reduction(x)
         with torch.autocast(x.device.type, enabled=False):
-            unit = reduced.float().sigmoid()
+            unit = at_least_float32(reduced).sigmoid()
             return local_planar_guidance(cone_normals(unit), unit[:, 2:], self.patch)
 
 
@@ -125,4 +125,4 @@ class UnitNormal(nn.Module):
         """A map -> unit normals of the same size."""
         reduced = self.reduction(x)
         with torch.autocast(x.device.type, enabled=False):
-            return self.normals(reduced.float().sigmoid())
+            return self.normals(at_least_float32(reduced).sigmoid())

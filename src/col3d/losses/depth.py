@@ -4,6 +4,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from col3d.batch import check_maps
 from col3d.losses.masked import in_float32, masked_mean, root
 
 SMALLEST_DEPTH = 1e-6
@@ -32,10 +33,14 @@ def silog(
     Returns:
         A scalar; zero where nothing counts.
 
+    Raises:
+        ValueError: the shapes do not belong together.
+
     References:
         Eigen, Puhrsch, Fergus: Depth Map Prediction from a Single Image using a Multi-Scale Deep Network,
         NeurIPS 2014, eq. 4; Lee et al.: From Big to Small (BTS), 2019, eq. 5.
     """
+    check_maps(preds, target, mask)
     preds, target = in_float32(preds, target)
     log_preds = (preds + log_epsilon).clamp_min(SMALLEST_DEPTH).log()
     gap = torch.where(mask, log_preds - torch.where(mask, target, 1.0).log(), 0.0)

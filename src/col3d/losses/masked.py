@@ -15,9 +15,9 @@ def masked_mean(values: Tensor, mask: Tensor) -> Tensor:
 
 
 def root(value: Tensor) -> Tensor:
-    """Square root of a scalar that is zero, with a zero gradient, at and below zero."""
-    positive = value > 0
-    return torch.where(positive, torch.where(positive, value, 1.0).sqrt(), 0.0)
+    """Square root of a scalar that is zero, with a zero gradient, at and below zero; NaN stays NaN."""
+    nothing = value <= 0
+    return torch.where(nothing, 0.0, torch.where(nothing, 1.0, value).sqrt())
 
 
 def in_float32(*values: Tensor) -> tuple[Tensor, ...]:

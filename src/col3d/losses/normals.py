@@ -4,6 +4,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from col3d.batch import check_maps
 from col3d.losses.masked import in_float32, masked_mean, root
 
 
@@ -22,5 +23,6 @@ def normal_rmse(
 
 
 def _gap(preds: Tensor, target: Tensor, mask: Tensor) -> Tensor:
+    check_maps(preds, target, mask)
     preds, target = in_float32(preds, target)
     return torch.where(mask, preds - target, 0.0)

@@ -40,6 +40,8 @@ def create(
     >>> create("bts", encoder="resnet18", width=64).tasks
     ('depth',)
     """
+    if max_depth <= 0:
+        raise ValueError(f"model.max_depth: expected mm above 0, got {max_depth}")
     network: Any = NETWORKS[check_known("model.name", name, NETWORKS)]
     built: ImageNetwork = network(
         encoder=encoder, max_depth=max_depth, pretrained=pretrained, width=width, **options

@@ -10,7 +10,7 @@ from col3d.batch import Prediction
 from col3d.checks import check_known
 from col3d.layers.aspp import DenseTrunk
 from col3d.layers.cbam import CBAM
-from col3d.layers.conv import init_xavier
+from col3d.layers.conv import at_least_float32, init_xavier
 from col3d.layers.depth_decoder import DepthDecoder, FinestDepth
 from col3d.layers.encoder import Encoder
 from col3d.layers.network import ImageNetwork
@@ -26,7 +26,7 @@ class PublishedFinestDepth(nn.Module):
 
     def forward(self, x: Float[Tensor, "b _ h w"]) -> Float[Tensor, "b 1 h w"]:
         """A map -> fraction of the maximum depth, of any sign."""
-        unit = self.reduction(x).float().sigmoid()
+        unit = at_least_float32(self.reduction(x)).sigmoid()
         return intersect(unit[:, 2:], cone_normals(unit).sum(dim=1, keepdim=True))
 
 

@@ -12,7 +12,7 @@ from col3d.checks import check_known
 from col3d.geometry import unit
 from col3d.layers.aspp import DenseTrunk
 from col3d.layers.cbam import CBAM
-from col3d.layers.conv import UpConv, UpFuse, conv_elu, init_xavier
+from col3d.layers.conv import UpConv, UpFuse, at_least_float32, conv_elu, init_xavier
 from col3d.layers.depth_decoder import DepthDecoder
 from col3d.layers.encoder import Encoder
 from col3d.layers.network import ImageNetwork
@@ -87,8 +87,8 @@ class NormalDecoder(nn.Module):
     def _axis(self, axis: str, x: Tensor, components: list[Tensor]) -> Tensor:
         fused = self.fuse[axis](torch.cat([x, *components], dim=1))
         with torch.autocast(x.device.type, enabled=False):
-            raw: Tensor = self.head[axis](fused.float())
-        return raw
+            raw: Tensor = self.head[axis](fused.to(self.head[axis].weight.dtype))
+        return at_least_float32(raw)
 
 
 class Col3DMTL(ImageNetwork):

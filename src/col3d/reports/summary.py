@@ -1,6 +1,7 @@
 """`summary.json` of a run, and the same as a table on screen."""
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -40,10 +41,18 @@ def summarise(rows: Sequence[Row], facts: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write in one step."""
+    """Write in one step; what is not a finite number becomes null."""
     partial = path.with_suffix(".partial")
-    partial.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    partial.write_text(json.dumps(_finite(content), indent=2, allow_nan=False) + "\n", encoding="utf-8")
     partial.replace(path)
+
+
+def _finite(content: Any) -> Any:
+    if isinstance(content, Mapping):
+        return {key: _finite(value) for key, value in content.items()}
+    if isinstance(content, list | tuple):
+        return [_finite(value) for value in content]
+    return None if isinstance(content, float) and not math.isfinite(content) else content
 
 
 def print_summary(summary: Mapping[str, Any], console: Console | None = None) -> None:
@@ -72,4 +81,8 @@ def _table(title: str, metrics: Sequence[str], summary: Mapping[str, Any]) -> Ta
 
 
 def _cells(values: Mapping[str, Any], metrics: Sequence[str]) -> list[str]:
-    return [f"{values[name]:.{DECIMALS.get(name, 3)}f}" if name in values else "-" for name in metrics]
+    return [_cell(values[name], DECIMALS.get(name, 3)) if name in values else "-" for name in metrics]
+
+
+def _cell(value: float | None, decimals: int) -> str:
+    return "nan" if value is None else f"{value:.{decimals}f}"

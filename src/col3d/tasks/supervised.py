@@ -36,8 +36,8 @@ class SupervisedTask(LightningModule):
         options: plain options that built all this, kept in the checkpoint.
     """
 
-    depth_sum: Tensor
-    depth_count: Tensor
+    depth_seen: Tensor
+    """Sum of the training depths in mm, and their number."""
 
     def __init__(
         self,
@@ -57,8 +57,7 @@ class SupervisedTask(LightningModule):
         losses = _named(dict.fromkeys([*getattr(loss, "terms", ()), "total"], torch.zeros(())))
         means = {name: MeanMetric(nan_strategy="disable") for name in losses}
         self.val_losses: dict[str, MeanMetric] = nn.ModuleDict(means)  # type: ignore[assignment]
-        self.register_buffer("depth_sum", torch.zeros((), dtype=torch.float64))
-        self.register_buffer("depth_count", torch.zeros((), dtype=torch.float64))
+        self.register_buffer("depth_seen", torch.zeros(2, dtype=torch.float64))
 
     def forward(self, image: Tensor) -> Prediction:
         """The network's prediction."""
@@ -72,17 +71,19 @@ class SupervisedTask(LightningModule):
         size = len(batch["image"])
         self.log_dict(named, batch_size=size, on_step=False, on_epoch=True, sync_dist=True)
         if self.current_epoch == 0:
-            self.depth_sum += torch.where(batch["mask"], batch["depth"], 0.0).sum(dtype=torch.float64)
-            self.depth_count += batch["mask"].sum()
+            seen = torch.where(batch["mask"], batch["depth"], 0.0).sum(dtype=torch.float64)
+            self._seen += torch.stack([seen, batch["mask"].sum()])
         total: Tensor = losses["total"]
         return total
 
+    def on_train_epoch_start(self) -> None:
+        """Begin the mean training depth; a buffer would be overwritten by the first process under DDP."""
+        self._seen = torch.zeros_like(self.depth_seen)
+
     def on_train_epoch_end(self) -> None:
-        """Share the mean training depth between processes."""
-        if self.current_epoch == 0 and self.trainer.world_size > 1:
-            reduce = self.trainer.strategy.reduce
-            self.depth_sum.copy_(reduce(self.depth_sum, reduce_op="sum"))
-            self.depth_count.copy_(reduce(self.depth_count, reduce_op="sum"))
+        """Keep the mean training depth, over all processes."""
+        if self.current_epoch == 0:
+            self.depth_seen.copy_(self.trainer.strategy.reduce(self._seen, reduce_op="sum"))
 
     def validation_step(self, batch: Batch, batch_idx: int) -> None:
         """Losses and metrics."""
@@ -113,8 +114,8 @@ class SupervisedTask(LightningModule):
         if "normals" in prediction and "normals" in batch:
             values |= normal_metrics(prediction["normals"], batch["normals"], mask)
         baseline = {}
-        if self.depth_count > 0:
-            mean = (self.depth_sum / self.depth_count).to(batch["depth"])
+        if self.depth_seen[1] > 0:
+            mean = (self.depth_seen[0] / self.depth_seen[1]).to(batch["depth"])
             baseline = depth_metrics(mean.expand_as(batch["depth"]), batch["depth"], mask)
         return {"prediction": prediction, "values": values, "baseline": baseline}
 

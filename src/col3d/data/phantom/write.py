@@ -103,7 +103,8 @@ def read_manifest(folder: Path) -> dict[str, Any] | None:
         manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    known = isinstance(manifest, dict) and {"video", "hash", "settings", "files"} <= manifest.keys()
+    kinds = {"video": str, "hash": str, "settings": dict, "files": dict}
+    known = isinstance(manifest, dict) and all(isinstance(manifest.get(k), t) for k, t in kinds.items())
     return manifest if known else None
 
 

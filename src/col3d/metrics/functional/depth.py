@@ -4,6 +4,8 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from col3d.batch import check_maps
+
 DEPTH_METRICS = ("abs_rel", "sq_rel", "log10", "rmse", "rmse_log", "silog", "delta1", "delta2", "delta3")
 DELTA = 1.25
 
@@ -30,10 +32,14 @@ def depth_metrics(
     Returns:
         Values by name, shape (b,); NaN for a frame of which no pixel counts.
 
+    Raises:
+        ValueError: the shapes do not belong together.
+
     References:
         Eigen, Puhrsch, Fergus: Depth Map Prediction from a Single Image using a Multi-Scale Deep Network,
         NeurIPS 2014, section 4.2.
     """
+    check_maps(preds, target, mask)
     count = mask.sum(dim=(1, 2, 3), dtype=torch.float64)
 
     def mean(values: Tensor) -> Tensor:

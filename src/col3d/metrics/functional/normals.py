@@ -4,6 +4,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from col3d.batch import check_maps
 from col3d.geometry import angle_between
 
 NORMAL_METRICS = ("angle_mean", "angle_median", "within_11_25", "within_22_5", "within_30")
@@ -26,8 +27,13 @@ def normal_metrics(
             the cosine, so that a perfect prediction scores 2.56 degrees; give that to reproduce its figures.
 
     Returns:
-        Values by name, shape (b,), float64; NaN for a frame of which no pixel counts.
+        Values by name, shape (b,), float64; NaN for a frame of which no pixel counts, and errors of NaN where
+        a predicted normal is NaN or zero.
+
+    Raises:
+        ValueError: the shapes do not belong together.
     """
+    check_maps(preds, target, mask)
     angles = _angles(preds.float(), target.float(), cosine_epsilon).double()
     count = mask.sum(dim=(1, 2, 3), dtype=torch.float64)
 
@@ -36,19 +42,24 @@ def normal_metrics(
 
     return {
         "angle_mean": mean(angles),
-        "angle_median": torch.stack([_median(a[m]) for a, m in zip(angles, mask, strict=True)]),
+        "angle_median": _median(angles, mask),
         **{name: mean((angles < limit).double()) for name, limit in LIMITS.items()},
     }
 
 
-def _median(values: Tensor) -> Tensor:
-    """Middle value, the mean of the two middle ones where their number is even; NaN for none."""
-    return values.quantile(0.5) if values.numel() else values.new_tensor(torch.nan)
+def _median(values: Tensor, mask: Tensor) -> Tensor:
+    """Middle value of each frame, the mean of the two middle ones of an even number; NaN for none."""
+    medians = values.new_full((len(values),), torch.nan)
+    for i, (of_frame, counts) in enumerate(zip(values, mask, strict=True)):
+        if counts.any():
+            medians[i] = of_frame[counts].quantile(0.5)
+    return medians
 
 
 def _angles(preds: Tensor, target: Tensor, cosine_epsilon: float) -> Tensor:
     if cosine_epsilon == 0:
-        return angle_between(preds, target)
+        undefined = (preds == 0).all(dim=1, keepdim=True)
+        return torch.where(undefined, torch.nan, angle_between(preds, target))
     lengths = preds.norm(dim=1, keepdim=True) * target.norm(dim=1, keepdim=True)
     cosine = (preds * target).sum(dim=1, keepdim=True) / (lengths + cosine_epsilon)
     return torch.rad2deg(torch.acos(cosine.clamp(-1, 1)))
