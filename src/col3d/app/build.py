@@ -165,8 +165,11 @@ def scheduler(options: SchedulerOptions) -> Callable[[Optimizer, int], LRSchedul
     return functools.partial(polynomial_decay, power=options.power, final_ratio=options.final_ratio)
 
 
-def load_weights(built: SupervisedTask, checkpoint: Path) -> None:
+def load_weights(built: SupervisedTask, checkpoint: Path) -> int:
     """Load a checkpoint of ours into a task, opened as weights and plain values only.
+
+    Returns:
+        The epoch it is of.
 
     Raises:
         UserError: its tensors are not those of the task.
@@ -174,6 +177,7 @@ def load_weights(built: SupervisedTask, checkpoint: Path) -> None:
     content = torch.load(checkpoint, map_location="cpu", weights_only=True)
     try:
         built.load_state_dict(content["state_dict"])
+        return int(content["epoch"])
     except (KeyError, TypeError, RuntimeError) as error:
         reason = " ".join(str(error).split())
         raise UserError(f"checkpoint: {checkpoint} does not fit its own options: {reason[:300]}") from None

@@ -121,7 +121,7 @@ class TrainerOptions(Options):
     """What Lightning's Trainer is given."""
 
     max_epochs: PositiveInt
-    accelerator: Literal["auto", "cpu", "gpu", "cuda", "mps"]
+    accelerator: Literal["auto", "cpu", "gpu", "cuda"]
     devices: PositiveInt | Literal["auto"]
     strategy: Literal["auto", "ddp"]
     precision: Literal["32-true", "bf16-mixed", "16-mixed"]
@@ -200,7 +200,7 @@ class EvaluateOptions(Options):
     root: str | None
     batch_size: PositiveInt | None
     workers: Annotated[int, Field(ge=0)] | None
-    accelerator: Literal["auto", "cpu", "gpu", "cuda", "mps"]
+    accelerator: Literal["auto", "cpu", "gpu", "cuda"]
 
 
 class PrepareOptions(Options):

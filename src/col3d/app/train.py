@@ -89,11 +89,11 @@ def _fit_and_test(
         raise SystemExit(INTERRUPTED) from None
     if best.best_model_score is None or not math.isfinite(best.best_model_score):
         raise UserError(f"{WATCHED} was never finite: nothing to evaluate; lower optimizer.lr")
-    build.load_weights(task, Path(best.best_model_path))
+    epoch = build.load_weights(task, Path(best.best_model_path))
     trainer.test(task, datamodule=data, verbose=False)
     score = float(best.best_model_score)
     if trainer.is_global_zero:
-        results.write(task, Path(best.best_model_path), {WATCHED: score, "epoch": _epoch(best)}, loggers)
+        results.write(task, Path(best.best_model_path), {WATCHED: score, "epoch": epoch}, loggers)
     return score
 
 
@@ -112,18 +112,17 @@ def check_accelerator(name: str) -> None:
     Raises:
         UserError: names the option.
     """
-    there = {"gpu": torch.cuda.is_available() or torch.backends.mps.is_available()}
-    there |= {"cuda": torch.cuda.is_available(), "mps": torch.backends.mps.is_available()}
-    if not there.get(name, True):
+    if name in ("gpu", "cuda") and not torch.cuda.is_available():
         raise UserError(f"trainer.accelerator: this machine has no {name}; take auto or cpu")
 
 
 def make_trainer(options: TrainOptions, callbacks: list[Callback], loggers: list[Logger]) -> Trainer:
     """Lightning's Trainer; samplers are ours, so that evaluation counts each frame once under DDP."""
     given = options.trainer
+    on_cpu = given.accelerator == "cpu" or not torch.cuda.is_available()  # metrics are float64: no MPS
     return Trainer(
         max_epochs=given.max_epochs,
-        accelerator=given.accelerator,
+        accelerator="cpu" if on_cpu else "cuda",
         devices=given.devices,
         strategy=given.strategy,
         precision=given.precision,
@@ -145,8 +144,3 @@ def make_trainer(options: TrainOptions, callbacks: list[Callback], loggers: list
 def _watchers() -> list[Callback]:
     bar: list[Callback] = [RichProgressBar()] if sys.stdout.isatty() else []
     return [FiniteLoss(), LearningRateMonitor(logging_interval="epoch"), EpochLines(), *bar]
-
-
-def _epoch(best: ModelCheckpoint) -> int:
-    checkpoint = torch.load(best.best_model_path, map_location="cpu", weights_only=True)
-    return int(checkpoint["epoch"])

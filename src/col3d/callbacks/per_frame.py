@@ -44,11 +44,15 @@ class PerFrameTable(Callback):
     ) -> None:
         """Add the frames of a batch."""
         valid = batch["mask"].flatten(1).any(dim=1).tolist()
+        values, baseline = (
+            {name: of_frames.tolist() for name, of_frames in outputs[key].items()}
+            for key in ("values", "baseline")
+        )
         for i, (video, frame) in enumerate(zip(batch["video"], batch["frame"].tolist(), strict=True)):
             segment, texture = self.describe(video)
             where = {**self.facts, "video": video, "segment": segment, "texture": texture, "frame": frame}
-            self.rows.append({**where, **_values(outputs["values"], i, valid[i])})
-            self.baseline.append({**where, **_values(outputs["baseline"], i, valid[i])})
+            self.rows.append({**where, **_values(values, i, valid[i])})
+            self.baseline.append({**where, **_values(baseline, i, valid[i])})
 
     def on_test_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Gather, order and write."""
@@ -62,9 +66,9 @@ class PerFrameTable(Callback):
             write_per_frame(self.path, self.rows)
 
 
-def _values(values: Mapping[str, torch.Tensor], index: int, valid: bool) -> Row:
+def _values(values: Mapping[str, list[float]], index: int, valid: bool) -> Row:
     """Metrics of one frame; none for a frame without a valid pixel."""
-    found = {name: value[index].item() for name, value in values.items()}
+    found = {name: of_frames[index] for name, of_frames in values.items()}
     return {name: value for name, value in found.items() if valid or not math.isnan(value)}
 
 

@@ -5,6 +5,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from col3d.geometry.depth import points_from_depth
+from col3d.precision import at_least_float32
 
 TINY = 1e-24
 """Squared length below which a vector has no direction: its power of -3/2, in the gradient, fits float32."""
@@ -48,7 +49,7 @@ def normals_from_depth(
     with torch.autocast(depth.device.type, enabled=False):
         ahead = rays.narrow(-3, 2, 1) > MIN_AHEAD
         known = ahead.expand_as(depth) if mask is None else mask & ahead
-        safe = torch.where(known, depth.to(torch.promote_types(depth.dtype, torch.float32)), 1.0)
+        safe = torch.where(known, at_least_float32(depth), 1.0)
         points = points_from_depth(safe, torch.where(ahead, rays.to(safe.dtype), 1.0))
         along_u, has_u = _difference(points, known, dim=-1)
         along_v, has_v = _difference(points, known, dim=-2)

@@ -69,8 +69,3 @@ def init_xavier(module: nn.Module) -> None:
             nn.init.xavier_uniform_(conv.weight)
             if conv.bias is not None:
                 nn.init.zeros_(conv.bias)
-
-
-def at_least_float32(x: Tensor) -> Tensor:
-    """Half precision widened, for what has to be exact; float32 and float64 stay."""
-    return x.to(torch.promote_types(x.dtype, torch.float32))

@@ -6,8 +6,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from col3d.layers.conv import UpConv, UpFuse, at_least_float32, conv_elu, shrink
+from col3d.layers.conv import UpConv, UpFuse, conv_elu, shrink
 from col3d.layers.planar import PlanarGuidance, Reduction
+from col3d.precision import at_least_float32
 
 
 class FinestDepth(nn.Module):

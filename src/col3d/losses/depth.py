@@ -5,7 +5,8 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from col3d.batch import check_maps
-from col3d.losses.masked import in_float32, masked_mean, root
+from col3d.losses.masked import masked_mean, root
+from col3d.precision import at_least_float32
 
 SMALLEST_DEPTH = 1e-6
 """Depth in mm at which predictions enter the logarithm at the least: a sigmoid may underflow to zero."""
@@ -41,7 +42,7 @@ def silog(
         NeurIPS 2014, eq. 4; Lee et al.: From Big to Small (BTS), 2019, eq. 5.
     """
     check_maps(preds, target, mask)
-    preds, target = in_float32(preds, target)
+    preds, target = at_least_float32(preds), at_least_float32(target)
     log_preds = (preds + log_epsilon).clamp_min(SMALLEST_DEPTH).log()
     gap = torch.where(mask, log_preds - torch.where(mask, target, 1.0).log(), 0.0)
     return alpha * root(masked_mean(gap.square(), mask) - variance_focus * masked_mean(gap, mask).square())

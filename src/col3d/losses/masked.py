@@ -18,8 +18,3 @@ def root(value: Tensor) -> Tensor:
     """Square root of a scalar that is zero, with a zero gradient, at and below zero; NaN stays NaN."""
     nothing = value <= 0
     return torch.where(nothing, 0.0, torch.where(nothing, 1.0, value).sqrt())
-
-
-def in_float32(*values: Tensor) -> tuple[Tensor, ...]:
-    """Half precision widened to float32; wider types stay."""
-    return tuple(value.to(torch.promote_types(value.dtype, torch.float32)) for value in values)

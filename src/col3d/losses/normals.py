@@ -5,7 +5,8 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from col3d.batch import check_maps
-from col3d.losses.masked import in_float32, masked_mean, root
+from col3d.losses.masked import masked_mean, root
+from col3d.precision import at_least_float32
 
 
 def normal_l1(
@@ -24,5 +25,5 @@ def normal_rmse(
 
 def _gap(preds: Tensor, target: Tensor, mask: Tensor) -> Tensor:
     check_maps(preds, target, mask)
-    preds, target = in_float32(preds, target)
+    preds, target = at_least_float32(preds), at_least_float32(target)
     return torch.where(mask, preds - target, 0.0)

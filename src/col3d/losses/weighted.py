@@ -73,7 +73,7 @@ class WeightedLoss(nn.Module):
             return prediction["depth"], batch["depth"], mask
         if term == "normals":
             return prediction["normals"], batch["normals"], mask
-        derived = normals_from_depth(prediction["depth"].float(), self._rays(batch), mask)
+        derived = normals_from_depth(prediction["depth"], self._rays(batch), mask)
         return prediction["normals"], derived, mask
 
     def _rays(self, batch: Batch) -> Tensor:

@@ -10,11 +10,12 @@ from col3d.batch import Prediction
 from col3d.checks import check_known
 from col3d.layers.aspp import DenseTrunk
 from col3d.layers.cbam import CBAM
-from col3d.layers.conv import at_least_float32, init_xavier
+from col3d.layers.conv import init_xavier
 from col3d.layers.depth_decoder import DepthDecoder, FinestDepth
 from col3d.layers.encoder import Encoder
 from col3d.layers.network import ImageNetwork
 from col3d.layers.planar import Reduction, cone_normals, intersect
+from col3d.precision import at_least_float32
 
 
 class PublishedFinestDepth(nn.Module):

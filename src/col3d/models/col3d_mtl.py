@@ -12,12 +12,13 @@ from col3d.checks import check_known
 from col3d.geometry import unit
 from col3d.layers.aspp import DenseTrunk
 from col3d.layers.cbam import CBAM
-from col3d.layers.conv import UpConv, UpFuse, at_least_float32, conv_elu, init_xavier
+from col3d.layers.conv import UpConv, UpFuse, conv_elu, init_xavier
 from col3d.layers.depth_decoder import DepthDecoder
 from col3d.layers.encoder import Encoder
 from col3d.layers.network import ImageNetwork
 from col3d.layers.planar import UnitNormal, cone_normals, sphere_normals
 from col3d.models.bts_cbam import FINEST_DEPTH
+from col3d.precision import at_least_float32
 
 
 def enlarge(x: Float[Tensor, "b c h w"], factor: int) -> Float[Tensor, "b c {factor}*h {factor}*w"]:
