@@ -8,7 +8,6 @@ import torch
 from col3d.layers.planar import (
     PlanarGuidance,
     Reduction,
-    UnitNormal,
     cone_normals,
     intersect,
     local_planar_guidance,
@@ -103,4 +102,3 @@ def test_blocks_answer_in_float32_under_autocast() -> None:
     x = torch.rand(1, 16, 2, 2)
     with torch.autocast("cpu", torch.bfloat16):
         assert PlanarGuidance(16, 16, 8)(x).dtype == torch.float32
-        assert UnitNormal(16, 16, sphere_normals)(x).dtype == torch.float32

@@ -4,7 +4,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from col3d.models.col3d_mtl import Col3DMTL, enlarge, house_from_published, published_normals
+from col3d.layers.normal_decoder import enlarge
+from col3d.models.col3d_mtl import Col3DMTL, house_from_published, published_normals
 
 
 @pytest.fixture(scope="module", params=["house", "published"])

@@ -6,29 +6,49 @@ from pathlib import Path
 
 import pytest
 import torch
+from small import small
+from timm.layers import DropPath
 from torch import Tensor, nn
 
 from col3d.batch import Prediction
-from col3d.models import NETWORKS, create
+from col3d.geometry import OmnidirectionalCamera
+from col3d.layers.network import DepthNetwork
+from col3d.models import NETWORKS, WITH_NORMALS, create
 
-DISTINCT = ["bts", "bts_cbam", "col3d_mtl"]
+DEPTH_ALONE = ("bts", "bts_cbam", "newcrfs", "monodepth_fpn", "pix2pix")
+DISTINCT = [
+    *((name, "none", "camera") for name in DEPTH_ALONE),
+    ("col3d_mtl", "unc", "camera"),
+    *((name, "unc", "ray") for name in (*DEPTH_ALONE, "col3d_mtl")),
+]
+LENS = OmnidirectionalCamera.c3vd()
 
 
-@pytest.fixture(scope="module", params=DISTINCT)
-def network(request: pytest.FixtureRequest) -> nn.Module:
+@pytest.fixture(scope="module", params=DISTINCT, ids="-".join)
+def network(request: pytest.FixtureRequest) -> DepthNetwork:
     torch.manual_seed(0)
-    return create(request.param, encoder="resnet18", width=64)
+    name, normals, frame = request.param
+    return small(name, normals=normals, normal_frame=frame)
+
+
+def run(network: nn.Module, image: Tensor) -> Prediction:
+    """On the rays of the lens at the image's size, one map for all frames."""
+    prediction: Prediction = network(image, LENS.resized((image.shape[2], image.shape[3])).rays())
+    return prediction
 
 
 def predict(network: nn.Module, image: Tensor) -> Prediction:
     with torch.no_grad():
-        prediction: Prediction = network.eval()(image)
-    return prediction
+        return run(network.eval(), image)
 
 
 def gradients(network: nn.Module, image: Tensor) -> dict[str, Tensor | None]:
+    """In training mode, but for what is left out at random."""
     network.train().zero_grad()
-    prediction = network(image)
+    for block in network.modules():
+        if isinstance(block, nn.Dropout | DropPath):
+            block.eval()
+    prediction = run(network, image)
     sum((output * torch.randn_like(output)).sum() for output in prediction.values()).backward()
     return {name: parameter.grad for name, parameter in network.named_parameters()}
 
@@ -45,9 +65,12 @@ def test_any_size(network: nn.Module, size_hw: tuple[int, int]) -> None:
 
 def test_padding_repeats_the_border(network: nn.Module) -> None:
     image = torch.rand(1, 3, 60, 90)
-    padded = nn.functional.pad(image, (0, 6, 0, 4), mode="replicate")
-    for task, whole in predict(network, padded).items():
-        torch.testing.assert_close(predict(network, image)[task], whole[..., :60, :90], atol=1e-4, rtol=0)
+    rays = LENS.resized((60, 90)).rays()[None]
+    padded, padded_rays = (nn.functional.pad(x, (0, 6, 0, 4), mode="replicate") for x in (image, rays))
+    with torch.no_grad():
+        whole, part = network.eval()(padded, padded_rays), network(image, rays)
+    for task, value in part.items():
+        torch.testing.assert_close(value, whole[task][..., :60, :90], atol=1e-4, rtol=0)
 
 
 def test_batched_equals_single(network: nn.Module) -> None:
@@ -61,7 +84,9 @@ def test_forward_normalises_with_imagenet(network: nn.Module) -> None:
     image = torch.rand(1, 3, 64, 64)
     mean, std = torch.tensor([0.485, 0.456, 0.406]), torch.tensor([0.229, 0.224, 0.225])
     with torch.no_grad():
-        normalised = network.eval().forward_normalised((image - mean[:, None, None]) / std[:, None, None])
+        normalised = network.eval().forward_normalised(
+            (image - mean[:, None, None]) / std[:, None, None], LENS.resized((64, 64)).rays()
+        )
     for task, value in predict(network, image).items():
         torch.testing.assert_close(value, normalised[task])
 
@@ -111,8 +136,9 @@ def test_bfloat16_gradients_are_finite(network: nn.Module) -> None:
 
 def test_weights_survive_a_file(network: nn.Module, tmp_path: Path) -> None:
     torch.save(network.state_dict(), tmp_path / "weights.pt")
-    names = {"BTS": "bts", "BTSCBAM": "bts_cbam", "Col3DMTL": "col3d_mtl"}
-    other = create(names[type(network).__name__], encoder="resnet18", width=64)
+    name = next(name for name, kind in reversed(NETWORKS.items()) if kind is type(network))
+    normals = "unc" if "normals" in network.tasks else "none"
+    other = small(name, normals=normals, normal_frame="ray" if network.needs_rays else "camera")
     other.load_state_dict(torch.load(tmp_path / "weights.pt", weights_only=True))
     image = torch.rand(1, 3, 64, 64)
     assert all(
@@ -126,9 +152,43 @@ def test_normalisation_is_no_weight(network: nn.Module) -> None:
 
 @pytest.mark.parametrize("name", list(NETWORKS))
 def test_every_name_makes_its_network(name: str) -> None:
-    network = create(name, encoder="resnet18", width=128)
+    network = small(name)
     assert type(network) is NETWORKS[name]
-    assert network.tasks == (("depth", "normals") if name.endswith("mtl") else ("depth",))
+    assert network.tasks == (("depth", "normals") if name in WITH_NORMALS else ("depth",))
+    assert f"`{name}`" in str(create.__doc__)
+
+
+def test_normals_in_the_frame_of_the_ray_face_the_camera(network: DepthNetwork) -> None:
+    if network.needs_rays:
+        normals = predict(network, torch.rand(1, 3, 64, 96))["normals"]
+        assert ((normals * LENS.resized((64, 96)).rays()).sum(dim=1) < 0).all()
+        with pytest.raises(ValueError, match="rays: normals in the frame of the ray need"):
+            network(torch.rand(1, 3, 64, 96))
+
+
+def test_attention_and_normals_are_all_that_col3d_mtl_adds() -> None:
+    networks = (small("bts_cbam", normals="unc"), small("col3d_mtl"))
+    networks[1].load_state_dict(networks[0].state_dict())
+    image = torch.rand(1, 3, 64, 64)
+    found, expected = (predict(network, image) for network in networks)
+    assert all(torch.equal(found[task], expected[task]) for task in ("depth", "normals"))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"name": "col3d_mtl", "normals": "none"}, r"model\.normals: col3d_mtl always predicts normals"),
+        ({"name": "bts", "normals": "ucn"}, r"model\.normals: 'ucn' is unknown; did you mean 'unc'"),
+        (
+            {"name": "bts", "normals": "unc", "normal_frame": "rays"},
+            r"model\.normal_frame: 'rays' is unknown",
+        ),
+        ({"name": "bts", "max_depth": 0.0}, r"model\.max_depth: expected mm above 0"),
+    ],
+)
+def test_what_does_not_fit(options: dict[str, str], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        small(**options)
 
 
 def test_unknown_name() -> None:

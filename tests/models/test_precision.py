@@ -1,12 +1,13 @@
 import pytest
 import torch
+from small import small
 
 from col3d.models import NETWORKS, create
 
 
 @pytest.mark.parametrize("name", NETWORKS)
 def test_float64_is_the_twin_of_float32(name: str) -> None:
-    network = create(name, encoder="resnet18", width=64).eval()
+    network = small(name).eval()
     image = torch.rand(1, 3, 64, 96)
     with torch.no_grad():
         single = network(image)

@@ -14,6 +14,7 @@ camera; here every function takes the rays of any central camera instead.
 
 from col3d.geometry.camera import Camera, OmnidirectionalCamera, PinholeCamera
 from col3d.geometry.depth import points_from_depth
+from col3d.geometry.frames import camera_from_ray, ray_from_camera
 from col3d.geometry.normals import angle_between, normals_from_depth, unit
 
 __all__ = [
@@ -21,7 +22,9 @@ __all__ = [
     "OmnidirectionalCamera",
     "PinholeCamera",
     "angle_between",
+    "camera_from_ray",
     "normals_from_depth",
     "points_from_depth",
+    "ray_from_camera",
     "unit",
 ]

@@ -141,6 +141,17 @@ class PinholeCamera(Camera):
             (1080, 1350), 769.807403688120, 769.720558534159, 675.226397736271, 548.903474592445
         )
 
+    @classmethod
+    def c3vd_published(cls, size_hw: tuple[int, int]) -> "PinholeCamera":
+        """The same at another size as published code scales it: the principal point by the sizes' ratio alone.
+
+        `c3vd().resized(size_hw)` keeps to the half pixel by which pixel centres shift besides.
+        """
+        full = cls.c3vd()
+        down, across = size_hw[0] / full.size_hw[0], size_hw[1] / full.size_hw[1]
+        fx, fy = full.stretch[0][0] * across, full.stretch[1][1] * down
+        return cls.from_focal(size_hw, fx, fy, full.centre[0] * across, full.centre[1] * down)
+
     def profile(self, radius: Tensor) -> Tensor:
         """One everywhere."""
         return torch.ones_like(radius)

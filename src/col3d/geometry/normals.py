@@ -4,6 +4,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from col3d.checks import check_known
 from col3d.geometry.depth import points_from_depth
 from col3d.precision import at_least_float32
 
@@ -25,16 +26,24 @@ def normals_from_depth(
     depth: Float[Tensor, "b 1 h w"],
     rays: Float[Tensor, "*b 3 h w"],
     mask: Bool[Tensor, "b 1 h w"] | None = None,
+    differences: str = "central",
 ) -> Float[Tensor, "b 3 h w"]:
     """Unit normals of the surface that a depth map describes, facing the camera; differentiable in depth.
 
     n = P_v x P_u with the derivatives of the points along rows and columns: central differences, one-sided
     beside a masked pixel or the border. Computed in float32 at least, whatever the autocast.
 
+    Forward differences are those of the Col3D-MTL paper: Z_u = Z(u + 1) - Z(u), and P_u = Z_u r + Z r_u with
+    the ray r at depth 1. They know nothing of the last row and column, and put the normal half a pixel off.
+
     Args:
         depth: along the optical axis, in mm; masked values may be anything, NaN included.
         rays: unit rays of the camera that took the frame, one map for all frames or one for each.
         mask: True where depth is known; everywhere when absent.
+        differences: "central" or "forward".
+
+    Raises:
+        ValueError: the differences are neither.
 
     Returns:
         Normals with n . ray < 0; the zero vector where the mask is False or no neighbour is known in a row
@@ -50,21 +59,39 @@ def normals_from_depth(
         ahead = rays.narrow(-3, 2, 1) > MIN_AHEAD
         known = ahead.expand_as(depth) if mask is None else mask & ahead
         safe = torch.where(known, at_least_float32(depth), 1.0)
-        points = points_from_depth(safe, torch.where(ahead, rays.to(safe.dtype), 1.0))
-        along_u, has_u = _difference(points, known, dim=-1)
-        along_v, has_v = _difference(points, known, dim=-2)
+        ahead_rays = torch.where(ahead, rays.to(safe.dtype), 1.0)
+        tangent = TANGENTS[check_known("differences", differences, TANGENTS)]
+        along_u, has_u = tangent(safe, ahead_rays, known, -1)
+        along_v, has_v = tangent(safe, ahead_rays, known, -2)
         normals = unit(torch.linalg.cross(along_v, along_u, dim=-3))
         return torch.where(known & has_u & has_v, normals, 0.0)
 
 
-def _difference(points: Tensor, known: Tensor, dim: int) -> tuple[Tensor, Tensor]:
+def _central(depth: Tensor, rays: Tensor, known: Tensor, dim: int) -> tuple[Tensor, Tensor]:
     """Sum of the forward and backward differences that exist (scale is of no matter); whether one does."""
+    points = points_from_depth(depth, rays)
     size = points.shape[dim]
     both = known.narrow(dim, 1, size - 1) & known.narrow(dim, 0, size - 1)
     step = torch.where(both, points.diff(dim=dim), 0.0)
     zero, none = torch.zeros_like(points.narrow(dim, 0, 1)), torch.zeros_like(known.narrow(dim, 0, 1))
     forward, backward = torch.cat([step, zero], dim), torch.cat([zero, step], dim)
     return forward + backward, torch.cat([both, none], dim) | torch.cat([none, both], dim)
+
+
+def _forward(depth: Tensor, rays: Tensor, known: Tensor, dim: int) -> tuple[Tensor, Tensor]:
+    """Forward differences of depth and ray by the product rule; whether there is a pixel to differ from."""
+    at_one = rays / rays.narrow(-3, 2, 1)
+    has = known & torch.cat([known.narrow(dim, 1, known.shape[dim] - 1), _last(known, dim) & False], dim)
+    slope = torch.cat([depth.diff(dim=dim), torch.zeros_like(_last(depth, dim))], dim)
+    turn = torch.cat([at_one.diff(dim=dim), torch.zeros_like(_last(at_one, dim))], dim)
+    return torch.where(has, slope, 0.0) * at_one + depth * turn, has
+
+
+def _last(values: Tensor, dim: int) -> Tensor:
+    return values.narrow(dim, values.shape[dim] - 1, 1)
+
+
+TANGENTS = {"central": _central, "forward": _forward}
 
 
 def angle_between(a: Float[Tensor, "*b 3 h w"], b: Float[Tensor, "*b 3 h w"]) -> Float[Tensor, "*b 1 h w"]:

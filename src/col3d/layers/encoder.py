@@ -79,6 +79,20 @@ def load_encoder_weights(net: nn.Module, path: Path) -> None:
     Raises:
         ValueError: there is no such file, or weights are missing from it.
     """
+    # timm joins the first levels of some names with "_" when it makes an encoder of a classifier.
+    plain = {name.replace(".", "_"): value for name, value in read_encoder_weights(path).items()}
+    given = {
+        name: plain[name.replace(".", "_")] for name in net.state_dict() if name.replace(".", "_") in plain
+    }
+    fill_encoder(net, net.state_dict(), given, repr(str(path)))
+
+
+def read_encoder_weights(path: Path) -> Mapping[str, Tensor]:
+    """Names to tensors of a weight file.
+
+    Raises:
+        ValueError: there is no such file, or it cannot be read as weights.
+    """
     from timm.models import load_state_dict
 
     if not path.is_file():
@@ -86,26 +100,28 @@ def load_encoder_weights(net: nn.Module, path: Path) -> None:
             f"model.pretrained: must be none, imagenet or a weight file; there is no file {str(path)!r}"
         )
     try:
-        stored = load_state_dict(str(path), weights_only=True)
+        return load_state_dict(str(path), weights_only=True)
     except Exception as error:
         raise ValueError(
             f"model.pretrained: {str(path)!r} cannot be read as weights ({type(error).__name__})"
         ) from error
-    net.load_state_dict(_chosen(net.state_dict(), stored, path), strict=False)
 
 
-def _chosen(wanted: Mapping[str, Tensor], stored: Mapping[str, Tensor], path: Path) -> dict[str, Tensor]:
-    # timm joins the first levels of some names with "_" when it makes an encoder of a classifier.
-    plain = {name.replace(".", "_"): value for name, value in stored.items()}
-    chosen = {name: plain[name.replace(".", "_")] for name in wanted if name.replace(".", "_") in plain}
-    missing = [n for n in wanted if n not in chosen and wanted[n].is_floating_point()]
-    misfits = [n for n in chosen if chosen[n].shape != wanted[n].shape]
+def fill_encoder(
+    net: nn.Module, wanted: Mapping[str, Tensor], given: Mapping[str, Tensor], source: str
+) -> None:
+    """Load what is wanted of the given weights.
+
+    Raises:
+        ValueError: weights are missing or have other shapes; names the source.
+    """
+    missing = [n for n in wanted if n not in given and wanted[n].is_floating_point()]
     if missing:
-        raise ValueError(
-            f"model.pretrained: {str(path)!r} lacks {len(missing)} weights, such as {missing[0]!r}"
-        )
+        raise ValueError(f"model.pretrained: {source} lacks {len(missing)} weights, such as {missing[0]!r}")
+    chosen = {name: given[name] for name in wanted if name in given}
+    misfits = [n for n in chosen if chosen[n].shape != wanted[n].shape]
     if misfits:
         raise ValueError(
-            f"model.pretrained: {str(path)!r} does not fit in {len(misfits)} weights, such as {misfits[0]!r}"
+            f"model.pretrained: {source} does not fit in {len(misfits)} weights, such as {misfits[0]!r}"
         )
-    return chosen
+    net.load_state_dict(chosen, strict=False)

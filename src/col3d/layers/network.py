@@ -1,52 +1,108 @@
-"""What every network does around its layers: normalise the image, pad it, crop the prediction."""
+"""What every network does around its layers: normalise, pad, estimate depth, add normals, crop."""
 
 from abc import ABC, abstractmethod
-from typing import ClassVar
 
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
 from col3d.batch import Prediction
+from col3d.checks import check_known
+from col3d.layers.normal_decoder import NORMAL_FRAMES, Features, NormalDecoder
 
 IMAGENET_MEAN = (0.485, 0.456, 0.406)
 IMAGENET_STD = (0.229, 0.224, 0.225)
 
 
-class ImageNetwork(nn.Module, ABC):
-    """Image -> `Prediction`, at any size. Subclasses say what they predict and from which sizes.
+class DepthNetwork(nn.Module, ABC):
+    """Image -> `Prediction`, at any size: depth, and normals where a decoder for them is added.
+
+    Subclasses estimate depth and offer `Features` to that decoder.
 
     Attributes:
-        tasks: what is predicted: "depth", and "normals" for the networks that have them.
+        feature_channels: of the maps at 1/2, 1/4 and 1/8 that subclasses offer.
         multiple: what the sides of the padded image are a multiple of, in pixels.
+        normal_decoder: None, or what turns those maps into normals.
         skipped_names: tensors of a published state dict that were left out; see `col3d.models.published`.
     """
 
-    tasks: ClassVar[tuple[str, ...]]
-    multiple: ClassVar[int] = 32
+    feature_channels: tuple[int, int, int]
+    multiple: int = 32
+    normal_decoder: NormalDecoder | None
     skipped_names: tuple[str, ...] = ()
     mean: Tensor
     std: Tensor
 
     def __init__(self) -> None:
         super().__init__()
+        self.normal_decoder = None
         self.register_buffer("mean", torch.tensor(IMAGENET_MEAN).view(1, 3, 1, 1), persistent=False)
         self.register_buffer("std", torch.tensor(IMAGENET_STD).view(1, 3, 1, 1), persistent=False)
 
-    def forward(self, image: Float[Tensor, "b 3 h w"]) -> Prediction:
-        """RGB in [0, 1] -> what is predicted at each of its pixels."""
-        return self.forward_normalised((image - self.mean) / self.std)
+    @property
+    def tasks(self) -> tuple[str, ...]:
+        """What is predicted: "depth", and "normals" where there is a decoder for them."""
+        return ("depth",) if self.normal_decoder is None else ("depth", "normals")
 
-    def forward_normalised(self, x: Float[Tensor, "b 3 h w"]) -> Prediction:
+    @property
+    def needs_rays(self) -> bool:
+        """Whether the prediction depends on the camera's rays."""
+        return self.normal_decoder is not None and self.normal_decoder.frame.needs_rays
+
+    def add_normals(self, width: int = 512, frame: str = "camera") -> None:
+        """Add a decoder for normals on the network's features.
+
+        Args:
+            width: F, which the decoder's sizes scale from; 512 is published.
+            frame: "camera", for normals anywhere on the sphere, or "ray", for those that face the camera
+                along each pixel's own ray, which `forward` then has to be given.
+
+        Raises:
+            ValueError: the frame is unknown.
+        """
+        known = NORMAL_FRAMES[check_known("model.normal_frame", frame, NORMAL_FRAMES)]
+        self.normal_decoder = NormalDecoder(self.feature_channels, width, known)
+
+    def forward(
+        self, image: Float[Tensor, "b 3 h w"], rays: Float[Tensor, "*b 3 h w"] | None = None
+    ) -> Prediction:
+        """RGB in [0, 1] -> what is predicted at each of its pixels.
+
+        Args:
+            image: frames of any size.
+            rays: unit viewing rays, one map for all frames or one for each; without effect on networks whose
+                `needs_rays` is False.
+
+        Raises:
+            ValueError: the rays are needed and absent.
+        """
+        return self.forward_normalised((image - self.mean) / self.std, rays)
+
+    def forward_normalised(
+        self, x: Float[Tensor, "b 3 h w"], rays: Float[Tensor, "*b 3 h w"] | None = None
+    ) -> Prediction:
         """The same for an image from which ImageNet's mean is taken, over its standard deviation."""
+        if self.needs_rays and rays is None:
+            raise ValueError("rays: normals in the frame of the ray need the rays of the camera")
         height, width = x.shape[-2:]
         padding = (0, -width % self.multiple, 0, -height % self.multiple)
-        prediction = self.predict(nn.functional.pad(x, padding, mode="replicate"))
+        if rays is not None:
+            rays = nn.functional.pad(rays.expand(len(x), -1, -1, -1), padding, mode="replicate")
+        prediction = self.predict(nn.functional.pad(x, padding, mode="replicate"), rays)
         cropped: Prediction = {"depth": prediction["depth"][..., :height, :width]}
         if "normals" in prediction:
             cropped["normals"] = prediction["normals"][..., :height, :width]
         return cropped
 
-    @abstractmethod
-    def predict(self, x: Float[Tensor, "b 3 h w"]) -> Prediction:
+    def predict(
+        self, x: Float[Tensor, "b 3 h w"], rays: Float[Tensor, "b 3 h w"] | None = None
+    ) -> Prediction:
         """The prediction for a normalised image whose sides are multiples of `multiple`."""
+        depth, features = self.estimate(x)
+        if self.normal_decoder is None:
+            return {"depth": depth}
+        return {"depth": depth, "normals": self.normal_decoder(features, rays)}
+
+    @abstractmethod
+    def estimate(self, x: Float[Tensor, "b 3 h w"]) -> tuple[Float[Tensor, "b 1 h w"], Features]:
+        """Depth in mm for such an image, and the maps that it offers."""

@@ -5,7 +5,6 @@ Everything here is computed in float32: the quotient of a ray and a plane loses 
 
 import math
 from collections import OrderedDict
-from collections.abc import Callable
 
 import torch
 from jaxtyping import Float
@@ -102,28 +101,3 @@ class PlanarGuidance(nn.Module):
         with torch.autocast(x.device.type, enabled=False):
             unit = at_least_float32(reduced).sigmoid()
             return local_planar_guidance(cone_normals(unit), unit[:, 2:], self.patch)
-
-
-class UnitNormal(nn.Module):
-    """Features -> one unit normal per cell: the unit normal computation (UNC) block, before it is repeated.
-
-    Args:
-        in_channels: channels that come in.
-        first: channels after the first convolution of the reduction.
-        normals: two channels in (0, 1) -> unit vectors, such as `sphere_normals` or `cone_normals`.
-
-    References:
-        Chavarrias Solano et al., Multi-task learning with cross-task consistency for improved depth
-        estimation in colonoscopy, arXiv:2311.18664, 2023, the framework's figure.
-    """
-
-    def __init__(self, in_channels: int, first: int, normals: Callable[[Tensor], Tensor]) -> None:
-        super().__init__()
-        self.reduction = Reduction(in_channels, first, 2)
-        self.normals = normals
-
-    def forward(self, x: Float[Tensor, "b _ h w"]) -> Float[Tensor, "b 3 h w"]:
-        """A map -> unit normals of the same size."""
-        reduced = self.reduction(x)
-        with torch.autocast(x.device.type, enabled=False):
-            return self.normals(at_least_float32(reduced).sigmoid())

@@ -1,19 +1,19 @@
 """BTS: depth through local planes."""
 
-from typing import ClassVar
+from collections.abc import Callable
 
 from jaxtyping import Float
-from torch import Tensor
+from torch import Tensor, nn
 
-from col3d.batch import Prediction
 from col3d.layers.aspp import DenseTrunk
 from col3d.layers.conv import init_xavier
-from col3d.layers.depth_decoder import DepthDecoder
+from col3d.layers.depth_decoder import DepthDecoder, FinestDepth
 from col3d.layers.encoder import Encoder
-from col3d.layers.network import ImageNetwork
+from col3d.layers.network import DepthNetwork
+from col3d.layers.normal_decoder import Features
 
 
-class BTS(ImageNetwork):
+class BTS(DepthNetwork):
     """Encoder, dense ASPP, and a decoder that is guided by local planes at 1/8, 1/4 and 1/2.
 
     Differs from the authors' code in two places: images of any size are padded to a multiple of 32 inside,
@@ -24,13 +24,13 @@ class BTS(ImageNetwork):
         max_depth: upper bound of the depth in mm.
         pretrained: encoder weights: None, "imagenet" or the path of a file.
         width: F, which the decoder's sizes scale from; 512 is published, a multiple of 64.
+        attention: makes the block that attends to a map of so many channels; none in BTS.
+        finest: makes the block that estimates depth from so many channels at full size.
 
     References:
         Lee et al., From Big to Small: Multi-Scale Local Planar Guidance for Monocular Depth Estimation,
         arXiv:1907.10326, 2019, figure 2.
     """
-
-    tasks: ClassVar[tuple[str, ...]] = ("depth",)
 
     def __init__(
         self,
@@ -38,15 +38,21 @@ class BTS(ImageNetwork):
         max_depth: float = 100.0,
         pretrained: str | None = None,
         width: int = 512,
+        *,
+        attention: Callable[[int], nn.Module] = nn.Identity,
+        finest: Callable[[int], nn.Module] = FinestDepth,
     ) -> None:
         super().__init__()
         self.encoder = Encoder(encoder, pretrained)
-        self.trunk = DenseTrunk(self.encoder.channels, width)
-        self.depth_decoder = DepthDecoder(self.encoder.channels, width, max_depth)
+        at2, at4, *_ = channels = self.encoder.channels
+        self.feature_channels = (at2, at4, width // 4)
+        self.trunk = DenseTrunk(channels, width)
+        self.depth_decoder = DepthDecoder(channels, width, max_depth, attention, finest)
         init_xavier(self.trunk)
         init_xavier(self.depth_decoder)
 
-    def predict(self, x: Float[Tensor, "b 3 h w"]) -> Prediction:
-        """Depth for a normalised image whose sides are multiples of 32."""
-        features = self.encoder(x)
-        return {"depth": self.depth_decoder(self.trunk(features), *features[:2])}
+    def estimate(self, x: Float[Tensor, "b 3 h w"]) -> tuple[Float[Tensor, "b 1 h w"], Features]:
+        """Depth in mm, and the maps of the encoder and of the trunk."""
+        maps = self.encoder(x)
+        features = Features(maps[0], maps[1], self.trunk(maps))
+        return self.depth_decoder(features.at8, features.at2, features.at4), features

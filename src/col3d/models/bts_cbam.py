@@ -1,20 +1,15 @@
 """BTS-CBAM: BTS whose depth decoder attends to its features and skip connections."""
 
 from collections.abc import Callable
-from typing import ClassVar
 
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from col3d.batch import Prediction
 from col3d.checks import check_known
-from col3d.layers.aspp import DenseTrunk
 from col3d.layers.cbam import CBAM
-from col3d.layers.conv import init_xavier
-from col3d.layers.depth_decoder import DepthDecoder, FinestDepth
-from col3d.layers.encoder import Encoder
-from col3d.layers.network import ImageNetwork
+from col3d.layers.depth_decoder import FinestDepth
 from col3d.layers.planar import Reduction, cone_normals, intersect
+from col3d.models.bts import BTS
 from col3d.precision import at_least_float32
 
 
@@ -37,7 +32,7 @@ FINEST_DEPTH: dict[str, Callable[[int], nn.Module]] = {
 }
 
 
-class BTSCBAM(ImageNetwork):
+class BTSCBAM(BTS):
     """BTS with CBAM on the trunk's output, on both skip connections and on the features at 1/4 and 1/2.
 
     Differs from the authors' code in one place besides those of `BTS`: at full size they divide a distance
@@ -56,8 +51,6 @@ class BTSCBAM(ImageNetwork):
         estimation in colonoscopy, arXiv:2311.18664, 2023.
     """
 
-    tasks: ClassVar[tuple[str, ...]] = ("depth",)
-
     def __init__(
         self,
         encoder: str = "resnet50",
@@ -66,15 +59,5 @@ class BTSCBAM(ImageNetwork):
         width: int = 512,
         heads: str = "house",
     ) -> None:
-        super().__init__()
         finest = FINEST_DEPTH[check_known("model.heads", heads, FINEST_DEPTH)]
-        self.encoder = Encoder(encoder, pretrained)
-        self.trunk = DenseTrunk(self.encoder.channels, width)
-        self.depth_decoder = DepthDecoder(self.encoder.channels, width, max_depth, CBAM, finest)
-        init_xavier(self.trunk)
-        init_xavier(self.depth_decoder)
-
-    def predict(self, x: Float[Tensor, "b 3 h w"]) -> Prediction:
-        """Depth for a normalised image whose sides are multiples of 32."""
-        features = self.encoder(x)
-        return {"depth": self.depth_decoder(self.trunk(features), *features[:2])}
+        super().__init__(encoder, max_depth, pretrained, width, attention=CBAM, finest=finest)

@@ -59,14 +59,14 @@ class SupervisedTask(LightningModule):
         self.val_losses: dict[str, MeanMetric] = nn.ModuleDict(means)  # type: ignore[assignment]
         self.register_buffer("depth_seen", torch.zeros(2, dtype=torch.float64))
 
-    def forward(self, image: Tensor) -> Prediction:
-        """The network's prediction."""
-        prediction: Prediction = self.network(image)
+    def forward(self, batch: Batch) -> Prediction:
+        """The network's prediction for the frames of a batch."""
+        prediction: Prediction = self.network(batch["image"], batch["rays"])
         return prediction
 
     def training_step(self, batch: Batch, batch_idx: int) -> Tensor:
         """Weighted sum of the losses; every term is logged."""
-        losses = self.loss(self(batch["image"]), batch)
+        losses = self.loss(self(batch), batch)
         named = {f"train/{name}": value.detach() for name, value in _named(losses).items()}
         size = len(batch["image"])
         self.log_dict(named, batch_size=size, on_step=False, on_epoch=True, sync_dist=True)
@@ -87,7 +87,7 @@ class SupervisedTask(LightningModule):
 
     def validation_step(self, batch: Batch, batch_idx: int) -> None:
         """Losses and metrics."""
-        prediction = self(batch["image"])
+        prediction = self(batch)
         for name, value in _named(self.loss(prediction, batch)).items():
             self.val_losses[name].update(value, weight=len(batch["image"]))
         for key, metric in self.val_metrics.items():
@@ -108,7 +108,7 @@ class SupervisedTask(LightningModule):
 
     def test_step(self, batch: Batch, batch_idx: int) -> Scored:
         """Prediction and the metrics of each frame."""
-        prediction = self(batch["image"])
+        prediction = self(batch)
         mask = batch["mask"]
         values = depth_metrics(prediction["depth"], batch["depth"], mask)
         if "normals" in prediction and "normals" in batch:

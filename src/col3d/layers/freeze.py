@@ -1,0 +1,52 @@
+"""Which parts of an encoder do not learn."""
+
+from collections.abc import Callable, Iterable
+
+from torch import nn
+
+from col3d.checks import check_known
+
+
+def _keep(*modules: nn.Module) -> None:
+    for module in modules:
+        module.requires_grad_(False)
+
+
+def _batch_norms(encoder: nn.Module) -> list[nn.Module]:
+    return [m for m in encoder.modules() if isinstance(m, nn.BatchNorm2d)]
+
+
+def _first_conv(encoder: nn.Module) -> None:
+    _keep(next(m for m in encoder.modules() if isinstance(m, nn.Conv2d)))
+
+
+def _statistics(encoder: nn.Module) -> None:
+    from timm.layers import freeze_batch_norm_2d
+
+    freeze_batch_norm_2d(encoder)
+
+
+POLICIES: dict[str, Callable[[nn.Module], None]] = {
+    "first_conv": _first_conv,
+    "batch_norm": lambda encoder: _keep(*_batch_norms(encoder)),
+    "batch_norm_statistics": _statistics,
+    "encoder": _keep,
+}
+"""* `first_conv`: the first convolution.
+* `batch_norm`: scales and offsets of the batch norms; their statistics are still those of each batch.
+* `batch_norm_statistics`: those too: the batch norms become fixed affine maps.
+* `encoder`: every parameter."""
+
+
+def freeze(network: nn.Module, policies: Iterable[str]) -> None:
+    """Keep parts of a network's encoder as they are, in place.
+
+    Raises:
+        ValueError: a policy is unknown, or finds nothing to keep in this encoder.
+    """
+    encoder = network.get_submodule("encoder")
+    for policy in policies:
+        known = POLICIES[check_known("model.freeze", policy, POLICIES)]
+        if policy.startswith("batch_norm") and not _batch_norms(encoder):
+            raise ValueError(f"model.freeze: {policy} finds no batch norm in the encoder")
+        known(encoder)

@@ -1,0 +1,169 @@
+"""Weights that the authors' programs saved, loaded into the networks of this package."""
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy._core.multiarray import _reconstruct as numpy_reconstruct
+from numpy._core.multiarray import scalar as numpy_scalar
+from torch import Tensor
+
+from col3d.checks import check_known
+from col3d.layers.network import DepthNetwork
+from col3d.models import create
+from col3d.models.published.bts_family import BTS_CBAM_WEIGHTS, BTS_WEIGHTS, COL3D_MTL_WEIGHTS
+from col3d.models.published.monodepth_fpn import MONODEPTH_FPN_WEIGHTS
+from col3d.models.published.newcrfs import NEWCRFS_WEIGHTS
+from col3d.models.published.source import Source, house_name
+
+SOURCES: dict[str, Source] = {
+    "bts": BTS_WEIGHTS,
+    "col3d_bts_cbam": BTS_CBAM_WEIGHTS,
+    "col3d_mtl_no_xtc": COL3D_MTL_WEIGHTS,
+    "col3d_mtl": COL3D_MTL_WEIGHTS,
+    "newcrfs": NEWCRFS_WEIGHTS,
+    "monodepth_fpn": MONODEPTH_FPN_WEIGHTS,
+}
+OURS = "network."
+"""What names start with in checkpoints of this package's trainings."""
+NUMPY_ARRAYS: list[Any] = [
+    (numpy_reconstruct, "numpy.core.multiarray._reconstruct"),
+    (numpy_reconstruct, "numpy._core.multiarray._reconstruct"),
+    (numpy_scalar, "numpy.core.multiarray.scalar"),
+    (numpy_scalar, "numpy._core.multiarray.scalar"),
+    np.ndarray,
+    np.dtype,
+    *{type(np.dtype(kind)) for kind in ("bool", "int32", "int64", "float32", "float64")},
+]
+"""Plain arrays, which the authors' programs keep beside their weights; without code in them."""
+
+
+def load_published(
+    source: str,
+    state_dict: Mapping[str, Any],
+    max_depth: float = 100.0,
+) -> DepthNetwork:
+    """A network with the authors' weights, in evaluation mode; its prediction is in house units.
+
+    Encoder and width follow from the shapes of the tensors.
+
+    Args:
+        source: the program that saved the weights, one of `SOURCES`.
+        state_dict: names to tensors, bare or under "model" or "state_dict", with or without "module."
+            before each name. Integer tensors may be missing. A checkpoint of this package's training of
+            that network serves as well.
+        max_depth: the maximum depth it was trained with, in mm.
+
+    Returns:
+        The network. `skipped_names` lists the tensors on which no output depends, and which were left out.
+
+    Raises:
+        ValueError: the source is unknown, or the weights are not all of that network's or more than those.
+    """
+    known = SOURCES[check_known("source", source, SOURCES)]
+    tensors = _tensors(state_dict)
+    if any(name.startswith(OURS) for name in tensors):
+        return _load_ours(known, tensors, state_dict)
+    _check_method(source, tensors)
+    network = known.network(max_depth=max_depth, **known.options(tensors))
+    skipped = [name for name in tensors if re.search(known.unused, name)]
+    published = {house_name(name, known.rules): name for name in tensors if name not in skipped}
+    fitted = {house: tensors[name] for house, name in published.items()}
+    skipped += [f"{published[name]}[2]" for name in known.adapt(fitted)]
+    _fill(network, fitted, published)
+    network.skipped_names = tuple(skipped)
+    if not known.normalised:
+        network.mean.zero_()
+        network.std.fill_(1.0)
+    return network.eval()
+
+
+def read_weights(path: Path) -> dict[str, Any]:
+    """What a file of `torch.save` holds, opened as tensors and plain values only.
+
+    Raises:
+        ValueError: there is no such file, or it holds anything else.
+    """
+    if not path.is_file():
+        raise ValueError(f"checkpoint: no such file: {path}")
+    try:
+        with torch.serialization.safe_globals(NUMPY_ARRAYS):
+            content = torch.load(path, map_location="cpu", weights_only=True)
+    except Exception as error:  # a file that is no weights may fail in any way while it is read
+        raise ValueError(
+            f"checkpoint: {path} must hold tensors and plain values alone, as torch.save writes them; "
+            f"it cannot be read as such ({type(error).__name__})"
+        ) from None
+    if not isinstance(content, dict):
+        raise ValueError(f"checkpoint: {path} must map names to tensors; it holds a {type(content).__name__}")
+    return content
+
+
+def _load_ours(known: Source, tensors: dict[str, Tensor], checkpoint: Mapping[str, Any]) -> DepthNetwork:
+    """A checkpoint of this package: its own options say what to build."""
+    try:
+        model = dict(checkpoint["hyper_parameters"]["options"]["model"]) | {"pretrained": None}
+    except (KeyError, TypeError):
+        raise ValueError("state_dict: a checkpoint of train.py must hold its options; it has none") from None
+    network = create(**{k: v for k, v in model.items() if k != "freeze"})
+    if type(network) is not known.network:
+        raise ValueError(f"state_dict: must hold weights of {_title(known)}; these are of {model['name']}")
+    named = {name.removeprefix(OURS): name for name in tensors if name.startswith(OURS)}
+    _fill(network, {name: tensors[full] for name, full in named.items()}, named)
+    return network.eval()
+
+
+def _title(known: Source) -> str:
+    return str(getattr(known.network, "__name__", known.network))
+
+
+def _tensors(state_dict: Mapping[str, Any]) -> dict[str, Tensor]:
+    for wrapper in ("model", "state_dict"):
+        if isinstance(state_dict.get(wrapper), Mapping):
+            state_dict = state_dict[wrapper]
+    if not state_dict or not all(isinstance(value, Tensor) for value in state_dict.values()):
+        raise ValueError(
+            "state_dict: must map names to tensors, itself or under 'model' or 'state_dict'; "
+            f"it has {_some(list(state_dict)) or 'nothing'}"
+        )
+    return {name.removeprefix("module."): value for name, value in state_dict.items()}
+
+
+def _check_method(source: str, tensors: Mapping[str, Tensor]) -> None:
+    """Refuse the weights of another method."""
+
+    def marked(known: Source) -> bool:
+        return any(re.search(known.mark, name) for name in tensors)
+
+    if marked(SOURCES[source]):
+        return
+    others = [name for name, known in SOURCES.items() if marked(known)]
+    what = f"these are of {' or '.join(others)}" if others else f"it has {_some(list(tensors))}"
+    raise ValueError(f"state_dict: must hold weights of {source}; {what}")
+
+
+def _fill(network: DepthNetwork, given: dict[str, Tensor], spelled: Mapping[str, str]) -> None:
+    """Load tensors strictly; `spelled` gives the names that messages use.
+
+    Raises:
+        ValueError: tensors are missing, unknown or of other shapes.
+    """
+    wanted = network.state_dict()
+    missing = [n for n in wanted if n not in given and wanted[n].is_floating_point()]
+    foreign = [spelled[n] for n in given if n not in wanted]
+    misfits = [
+        f"{spelled[n]} {tuple(given[n].shape)} for {tuple(wanted[n].shape)}"
+        for n in given
+        if n in wanted and given[n].shape != wanted[n].shape
+    ]
+    for rule, names in (("has unknown", foreign), ("lacks", missing), ("has other shapes:", misfits)):
+        if names:
+            raise ValueError(f"state_dict: {rule} {_some(names)}")
+    network.load_state_dict(given, strict=False)
+
+
+def _some(names: list[str], most: int = 5) -> str:
+    return ", ".join(map(str, names[:most])) + (f" and {len(names) - most} more" if len(names) > most else "")
