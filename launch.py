@@ -33,7 +33,13 @@ def slug(overrides: str) -> str:
     return name if exact else f"{name[:LONGEST_NAME]}-{digest}"
 
 
+def by_scale(paper: Any, small: Any, *, _root_: DictConfig) -> Any:
+    """What a model takes at preset=paper, and what at the smaller presets."""
+    return paper if _root_.preset == "paper" else small
+
+
 OmegaConf.register_new_resolver("slug", slug, replace=True)
+OmegaConf.register_new_resolver("by_scale", by_scale, replace=True)
 
 
 def launch(config_name: str, run: Run) -> None:

@@ -4,7 +4,14 @@ from typing import Any, get_args
 import pytest
 from tiny_run import CONF, composed
 
-from col3d.app.config import EvaluateOptions, ModelOptions, PrepareOptions, TrainOptions
+from col3d.app.config import (
+    AugmentOptions,
+    EvaluateOptions,
+    LossOptions,
+    ModelOptions,
+    PrepareOptions,
+    TrainOptions,
+)
 from col3d.app.errors import check_options
 from col3d.checks import UserError
 from col3d.data.splits import paper_split
@@ -14,7 +21,10 @@ GROUPS = sorted(
     path.name for path in CONF.iterdir() if path.is_dir() and path.name not in ("data", "experiment")
 )
 CHOICES = [f"{group}={path.stem}" for group in GROUPS for path in sorted((CONF / group).glob("*.yaml"))]
-EXPERIMENTS = [f"experiment={path.stem}" for path in sorted((CONF / "experiment").glob("*.yaml"))]
+EXPERIMENTS = [
+    f"experiment={path.relative_to(CONF / 'experiment').with_suffix('')}"
+    for path in sorted((CONF / "experiment").rglob("*.yaml"))
+]
 
 
 def checked(*overrides: str) -> TrainOptions:
@@ -29,8 +39,35 @@ def test_every_file_composes_into_valid_options(choice: str) -> None:
         checked(choice)
 
 
+@pytest.mark.parametrize("model", list(NETWORKS))
+def test_a_recipe_is_of_its_model(model: str) -> None:
+    for kind in ("published", "paper"):
+        options = checked(f"experiment={kind}/{model}")
+        assert (options.model.name, options.model.width, options.preset) == (model, 512, "paper")
+    common = checked(f"experiment=paper/{model}")
+    own = model in ("pix2pix", "monodepth_fpn")
+    assert common.trainer.max_epochs == (200 if own else 50)
+    assert (common.data.batch_size, common.data.size) == (8, [320, 320])
+    assert (common.optimizer.name, common.optimizer.lr, common.optimizer.weight_decay) == (
+        "adamw",
+        1e-4,
+        1e-2,
+    )
+    assert common.data.augment.model_dump() == {"rotation": 1.0, "flip": 0.0, "crop": 1.0, "jitter": 0.0}
+
+
+def test_a_recipe_can_be_made_small() -> None:
+    options = checked("experiment=published/newcrfs", "preset=smoke", "trainer.max_epochs=2")
+    assert (options.model.encoder, options.model.width) == ("swin_tiny_patch4_window7_224", 64)
+    assert (options.optimizer.name, options.optimizer.lr, options.data.size) == ("adam", 2e-5, [64, 64])
+    assert options.protocol.mirror == "ramp"
+
+
 def test_the_other_entry_points_compose() -> None:
     check_options(EvaluateOptions, composed("evaluate", "checkpoint=x.ckpt"))
+    other = check_options(EvaluateOptions, composed("evaluate", "checkpoint=x.ckpt", "data=phantom"))
+    assert other.data is not None
+    assert other.data.name == "phantom"
     assert check_options(PrepareOptions, composed("prepare")).data.name == "phantom"
     assert check_options(PrepareOptions, composed("prepare", "phantom=smoke")).phantom.size == [135, 169]
 
@@ -42,6 +79,9 @@ def test_the_other_entry_points_compose() -> None:
         ("bts_cbam", ["depth"]),
         ("bts_cbam_mtl", ["depth", "normals"]),
         ("col3d_mtl", ["depth", "normals", "consistency"]),
+        ("newcrfs", ["depth"]),
+        ("monodepth_fpn", ["depth", "gradients", "directions"]),
+        ("pix2pix", ["depth"]),
     ],
 )
 def test_a_model_brings_its_loss(model: str, terms: list[str]) -> None:
@@ -89,10 +129,22 @@ def test_names_in_the_options_are_those_that_can_be_built() -> None:
     [
         (
             ["loss.lambdas=[0.5,0.3]"],
-            ["loss.lambdas", "3 weight(s)", "depth, normals, consistency", "[0.5, 0.3]"],
+            ["loss.lambdas", "3 number(s)", "depth, normals, consistency", "[0.5, 0.3]"],
         ),
         (["model=bts", "loss.lambdas=[1,1,1]"], ["loss.lambdas", "expected 1", "model=bts"]),
-        (["model=bts", "loss=mtl_xtc"], ["normals and consistency", "model=bts predicts no normals"]),
+        (["model=bts", "loss=mtl_xtc"], ["normals and consistency", "model=bts predicts no"]),
+        (["model.normals=none"], ["normals and consistency", "model.normals=none"]),
+        (["model=bts", "model.normal_frame=ray"], ["model.normal_frame", "model.normals is none"]),
+        (["model.freeze=[bn]"], ["model.freeze.0", "'bn'", "batch_norm"]),
+        (["optimizer.name=sgdd"], ["optimizer.name", "'adamw', 'adam', 'sgd'", "'sgdd'"]),
+        (["optimizer.lr=x"], ["optimizer.lr: expected", "number"]),
+        (["+scheduler.powr=1"], ["scheduler.powr: no such option", "scheduler.power"]),
+        (["loss.from_epoch=[0,1]"], ["loss.from_epoch", "3 number(s)"]),
+        (["task=adversarial", "trainer.accumulate=2"], ["trainer.accumulate", "got 2"]),
+        (
+            ["task=adversarial", "trainer.precision=16-mixed", "trainer.gradient_clip=1.0"],
+            ["trainer.gradient_clip", "bf16-mixed"],
+        ),
         (["loss.lambdas=[0,0,0]"], ["loss.lambdas", "above 0"]),
         (["loss.lambdas=[0.5,-0.3,0.2]"], ["loss.lambdas.1", "greater than or equal to 0", "-0.3"]),
         (["loss.lambdas=[a,0.3,0.2]"], ["loss.lambdas.0", "number", "'a'"]),
@@ -137,9 +189,14 @@ def test_no_option_is_without_effect() -> None:
     code += (package / "config.py").read_text().split("class TrainOptions")[1]
 
     def names(options: Any) -> list[str]:
-        inner = [f.annotation for f in options.model_fields.values() if hasattr(f.annotation, "model_fields")]
+        kinds = [k for f in options.model_fields.values() for k in (f.annotation, *get_args(f.annotation))]
+        inner = [kind for kind in kinds if hasattr(kind, "model_fields")]
         return [*options.model_fields, *(name for nested in inner for name in names(nested))]
 
-    spread_whole = {"rotation", "flip", "jitter"}  # handed to Augment as they are
+    spread_whole = {
+        *names(AugmentOptions),
+        *names(ModelOptions),
+        *names(LossOptions),
+    }  # handed on as they are
     for name in set(names(TrainOptions)) - spread_whole - {"preset"}:
         assert f".{name}" in code or f'"{name}"' in code, name

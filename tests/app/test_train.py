@@ -22,23 +22,28 @@ from col3d.reports.per_frame import DEPTH_METRICS, METRICS, means, read_per_fram
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*pin_memory.*")
 Compose = Callable[..., dict[str, Any]]
-EVALUATE = {
-    "split": "test",
-    "panels": 0,
-    "root": None,
-    "batch_size": None,
-    "workers": None,
-    "accelerator": "cpu",
-}
+EVERY_WAY = [
+    *("bts", "bts_cbam", "bts_cbam_mtl", "col3d_mtl", "newcrfs", "monodepth_fpn", "pix2pix"),
+    *(f"{name} model.normals=unc loss=mtl_xtc" for name in ("bts", "bts_cbam", "newcrfs")),
+    *(f"{name} model.normals=unc loss=mtl_xtc" for name in ("monodepth_fpn", "pix2pix")),
+    *(
+        f"{name} model.normals=unc model.normal_frame=ray loss=mtl_xtc"
+        for name in ("bts", "col3d_mtl", "newcrfs", "pix2pix")
+    ),
+]
 
 
-@pytest.mark.parametrize("model", ["bts", "bts_cbam", "bts_cbam_mtl", "col3d_mtl"])
-def test_every_model_trains_and_leaves_its_results(model: str, tiny: Compose, tmp_path: Path) -> None:
-    given = tiny(f"model={model}")
-    score = train(given)
+def score(checkpoint: Path, *overrides: str) -> None:
+    evaluate(composed("evaluate", f"checkpoint={checkpoint}", "accelerator=cpu", "panels=0", *overrides))
+
+
+@pytest.mark.parametrize("way", EVERY_WAY)
+def test_every_model_trains_and_leaves_its_results(way: str, tiny: Compose, tmp_path: Path) -> None:
+    model, *overrides = way.split()
+    best = train(tiny(f"model={model}", *overrides))
     run = tmp_path / "run"
     rows = read_per_frame(run / "per_frame.csv")
-    metrics = METRICS if "mtl" in model else DEPTH_METRICS
+    metrics = METRICS if "mtl" in way else DEPTH_METRICS
     assert [(row["video"], row["frame"]) for row in rows] == [
         *(("desc_t4_a", str(i)) for i in range(3)),
         ("trans_t1_a", "2"),
@@ -50,7 +55,7 @@ def test_every_model_trains_and_leaves_its_results(model: str, tiny: Compose, tm
     summary = json.loads((run / "summary.json").read_text())
     assert list(summary["metrics"]) == list(metrics)
     assert summary["metrics"] == pytest.approx(means(rows))
-    assert summary["best"]["val/abs_rel"] == score
+    assert summary["best"]["val/abs_rel"] == best
     assert set(summary["baseline"]) == set(DEPTH_METRICS)
     assert summary["frames_by_split"] == {"train": 5, "val": 2, "test": 4}
     assert len(list((run / "panels").glob("*.png"))) == 1
@@ -58,7 +63,8 @@ def test_every_model_trains_and_leaves_its_results(model: str, tiny: Compose, tm
     with (run / "metrics.csv").open() as file:
         columns = csv.DictReader(file).fieldnames or []
     assert {"train/loss", "val/loss", "val/abs_rel", "test/abs_rel", "train/loss_depth"} <= set(columns)
-    assert ("train/loss_consistency" in columns) == (model == "col3d_mtl")
+    assert ("train/loss_consistency" in columns) == ("xtc" in way or model == "col3d_mtl")
+    assert ("train/loss_discriminator" in columns) == (model == "pix2pix")
 
 
 def test_checkpoints_hold_plain_values_and_score_the_same_again(tiny: Compose, tmp_path: Path) -> None:
@@ -67,9 +73,9 @@ def test_checkpoints_hold_plain_values_and_score_the_same_again(tiny: Compose, t
     for name in ("best", "last"):
         torch.load(run / "checkpoints" / f"{name}.ckpt", weights_only=True)
     checkpoint = run / "checkpoints" / "best.ckpt"
-    evaluate({**EVALUATE, "checkpoint": str(checkpoint), "output_dir": None})
+    score(checkpoint)
     assert read_per_frame(run / "evaluation_test" / "per_frame.csv") == read_per_frame(run / "per_frame.csv")
-    evaluate({**EVALUATE, "checkpoint": str(checkpoint), "output_dir": str(tmp_path / "val"), "split": "val"})
+    score(checkpoint, f"output_dir={tmp_path / 'val'}", "split=val")
     summary = json.loads((tmp_path / "val" / "summary.json").read_text())
     before = json.loads((run / "summary.json").read_text())
     assert summary["metrics"]["abs_rel"] == pytest.approx(before["best"]["val/abs_rel"], rel=1e-5)
@@ -121,7 +127,7 @@ def test_what_is_no_checkpoint_of_ours_is_refused(tiny: Compose, tmp_path: Path)
     for content in contents:
         path.write_bytes(content) if isinstance(content, bytes) else torch.save(content, path)
         with pytest.raises(UserError, match=r"^checkpoint: .*some\.ckpt"):
-            evaluate({**EVALUATE, "checkpoint": str(path), "output_dir": str(tmp_path / "out")})
+            score(path, f"output_dir={tmp_path / 'out'}")
     assert not (tmp_path / "executed").exists()
 
 
@@ -260,11 +266,11 @@ def test_five_real_frames(tmp_path: Path) -> None:
         "data.normals=derived",
         "trainer.max_epochs=3",
     ]
-    score = train(composed("train", *overrides, f"data.root={root}", f"output_dir={tmp_path}"))
+    best = train(composed("train", *overrides, f"data.root={root}", f"output_dir={tmp_path}"))
     rows = read_per_frame(tmp_path / "per_frame.csv")
     assert [row["frame"] for row in rows] == ["0", "60", "120", "180", "240"]
     assert {row["segment"] for row in rows} == {"cecum"}
-    assert 0 < score < 2
+    assert 0 < best < 2
 
 
 def test_the_paper_split_wants_all_of_c3vd(tmp_path: Path) -> None:

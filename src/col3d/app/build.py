@@ -1,20 +1,25 @@
 """Checked options -> objects."""
 
 import functools
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import torch
 from torch import nn
-from torch.optim import Adam, AdamW, Optimizer
-from torch.optim.lr_scheduler import LRScheduler
+from torch.optim import SGD, Adam, AdamW, Optimizer
 
 from col3d.app.config import (
+    AdamOptions,
+    AdversarialOptions,
+    ConstantOptions,
     DataOptions,
+    ModelOptions,
     OptimizerOptions,
     PhantomOptions,
+    PolynomialOptions,
     SchedulerOptions,
+    StepOptions,
     TrainOptions,
 )
 from col3d.checks import DataError, UserError
@@ -24,10 +29,19 @@ from col3d.data.phantom import PhantomSettings, phantom_camera, render_phantom
 from col3d.data.splits import SPLITS, check_counts, paper_split, parse_selection, video_table
 from col3d.data.transforms import Augment, Resize
 from col3d.geometry import Camera, OmnidirectionalCamera
+from col3d.layers.freeze import freeze
+from col3d.layers.network import DepthNetwork
+from col3d.layers.patch_gan import PatchGAN
 from col3d.losses import WeightedLoss
 from col3d.models import create
-from col3d.tasks import SupervisedTask
-from col3d.tasks.optimisation import polynomial_decay
+from col3d.tasks import AdversarialTask, SupervisedTask
+from col3d.tasks.optimisation import (
+    OptimizerFactory,
+    SchedulerFactory,
+    parameter_groups,
+    polynomial_decay,
+    step_decay,
+)
 
 
 def phantom_settings(options: PhantomOptions, videos: Iterable[str] | None = None) -> PhantomSettings:
@@ -128,41 +142,80 @@ def data_module(
     )
 
 
+def network(options: ModelOptions, size_hw: tuple[int, int]) -> DepthNetwork:
+    """The network, with its weights to start from and its frozen parts.
+
+    Raises:
+        UserError: the encoder or its weights are not to be had, or parts do not fit.
+    """
+    given = options.model_dump(exclude={"freeze"})
+    if options.name == "pix2pix":
+        given["size"] = size_hw
+    try:
+        built = create(**given)
+        freeze(built, options.freeze)
+    except (ValueError, OSError, RuntimeError) as error:
+        raise UserError(str(error)) from None
+    return built
+
+
 def task(options: TrainOptions) -> SupervisedTask:
     """Network, loss and optimisation.
 
     Raises:
-        UserError: the encoder or its weights are not to be had.
+        UserError: the encoder or its weights are not to be had, or parts do not fit.
     """
-    model = options.model
-    try:
-        network = create(model.name, model.encoder, model.max_depth, model.pretrained, model.width)
-    except (ValueError, OSError, RuntimeError) as error:
-        raise UserError(str(error)) from None
-    loss = options.loss
-    return SupervisedTask(
-        network,
-        WeightedLoss(loss.lambdas, loss.depth, loss.normals, loss.consistency, loss.geometry),
+    kind: Callable[..., SupervisedTask] = SupervisedTask
+    if isinstance(options.task, AdversarialOptions):
+        kind = functools.partial(
+            AdversarialTask,
+            discriminator=PatchGAN(width=options.task.discriminator_width),
+            max_depth=options.model.max_depth,
+            weight=options.task.weight,
+            gradient_clip=options.trainer.gradient_clip,
+        )
+    height, width = options.data.size
+    return kind(
+        network(options.model, (height, width)),
+        WeightedLoss(**options.loss.model_dump(), max_depth=options.model.max_depth),
         optimizer(options.optimizer),
         scheduler(options.scheduler),
         options.model_dump(mode="json"),
+        mirror=options.protocol.mirror,
+        seed=options.seed,
     )
 
 
-def optimizer(options: OptimizerOptions) -> Callable[[Iterable[nn.Parameter]], Optimizer]:
-    """Parameters -> optimiser."""
-    kind: Any = {"adamw": AdamW, "adam": Adam}[options.name]
-    betas = (options.betas[0], options.betas[1])
-    return functools.partial(
-        kind, lr=options.lr, weight_decay=options.weight_decay, eps=options.eps, betas=betas
-    )
+def optimizer(options: OptimizerOptions) -> OptimizerFactory:
+    """Network -> optimiser of the parameters that learn."""
+    extra: dict[str, Any] = {}
+    if isinstance(options, AdamOptions):
+        extra = {"eps": options.eps, "betas": (options.betas[0], options.betas[1])}
+    else:
+        extra = {"momentum": options.momentum}
+    kind: Any = {"adamw": AdamW, "adam": Adam, "sgd": SGD}[options.name]
+
+    def build(network: nn.Module) -> Optimizer:
+        groups = parameter_groups(network, options.weight_decay, options.decoder_weight_decay)
+        built: Optimizer = kind(groups, lr=options.lr, **extra)
+        return built
+
+    return build
 
 
-def scheduler(options: SchedulerOptions) -> Callable[[Optimizer, int], LRScheduler] | None:
-    """(optimiser, steps) -> schedule, or None for a constant rate."""
-    if options.name == "constant":
-        return None
-    return functools.partial(polynomial_decay, power=options.power, final_ratio=options.final_ratio)
+def scheduler(options: SchedulerOptions) -> SchedulerFactory | None:
+    """(optimiser, steps, epochs) -> schedule, or None for a constant rate."""
+    match options:
+        case ConstantOptions():
+            return None
+        case PolynomialOptions():
+            return lambda optimizer, steps, epochs: polynomial_decay(
+                optimizer, steps, options.power, options.final_ratio, options.hold
+            )
+        case StepOptions():
+            return lambda optimizer, steps, epochs: step_decay(
+                optimizer, options.epochs * steps // epochs, options.factor
+            )
 
 
 def load_weights(built: SupervisedTask, checkpoint: Path) -> int:
@@ -174,7 +227,11 @@ def load_weights(built: SupervisedTask, checkpoint: Path) -> int:
     Raises:
         UserError: its tensors are not those of the task.
     """
-    content = torch.load(checkpoint, map_location="cpu", weights_only=True)
+    return fill(built, torch.load(checkpoint, map_location="cpu", weights_only=True), checkpoint)
+
+
+def fill(built: SupervisedTask, content: Mapping[str, Any], checkpoint: Path) -> int:
+    """The same of a checkpoint that is read already."""
     try:
         built.load_state_dict(content["state_dict"])
         return int(content["epoch"])

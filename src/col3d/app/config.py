@@ -21,6 +21,10 @@ NoneWord = BeforeValidator(lambda value: None if value == "none" else value)
 """Lets `none` on a command line stand for null."""
 
 
+ByName = Field(discriminator="name")
+"""Which of several classes of options is meant is told by their name."""
+
+
 class Options(BaseModel):
     """Base of all groups: nothing that is not declared, nothing changed once checked."""
 
@@ -30,33 +34,53 @@ class Options(BaseModel):
 class ModelOptions(Options):
     """A network of `col3d.models`."""
 
-    name: Literal["bts", "bts_cbam", "bts_cbam_mtl", "col3d_mtl"]
+    name: Literal["bts", "bts_cbam", "bts_cbam_mtl", "col3d_mtl", "newcrfs", "monodepth_fpn", "pix2pix"]
     encoder: str
     pretrained: Annotated[str | None, NoneWord]
     max_depth: PositiveFloat
     width: Annotated[int, Field(ge=64, multiple_of=64)]
+    normals: Literal["none", "unc"]
+    normal_frame: Literal["camera", "ray"]
+    freeze: list[Literal["first_conv", "batch_norm", "batch_norm_statistics", "encoder"]]
 
-    @property
-    def predicts_normals(self) -> bool:
-        """Whether the network has a decoder for normals."""
-        from col3d.models import NETWORKS
-
-        return "normals" in NETWORKS[self.name].tasks
+    @model_validator(mode="after")
+    def _fits(self) -> "ModelOptions":
+        if self.normals == "none" and self.normal_frame == "ray":
+            raise ValueError("model.normal_frame: ray is for predicted normals, and model.normals is none")
+        return self
 
 
 class LossOptions(Options):
-    """Terms of `col3d.losses.WeightedLoss`, and a weight for each."""
+    """Terms of `col3d.losses.WeightedLoss`, a weight for each, and the epoch from which each counts."""
 
-    depth: Literal["silog"]
+    depth: Literal["silog", "rmse_log", "l1"]
+    gradients: Annotated[Literal["l1"] | None, NoneWord]
+    directions: Annotated[Literal["cosine"] | None, NoneWord]
     normals: Annotated[Literal["l1", "l2"] | None, NoneWord]
     consistency: Annotated[Literal["rmse", "l1"] | None, NoneWord]
     geometry: Literal["rays", "pinhole"]
     lambdas: list[Weight]
+    from_epoch: Annotated[list[Annotated[int, Field(ge=0)]] | None, NoneWord]
 
     @property
     def terms(self) -> list[str]:
         """Names of the terms in the order of their weights."""
-        return [name for name in ("depth", "normals", "consistency") if getattr(self, name) is not None]
+        names = ("depth", "gradients", "directions", "normals", "consistency")
+        return [name for name in names if getattr(self, name) is not None]
+
+
+class SupervisedOptions(Options):
+    """The loss alone."""
+
+    name: Literal["supervised"]
+
+
+class AdversarialOptions(Options):
+    """The loss, and a discriminator that learns beside the network."""
+
+    name: Literal["adversarial"]
+    weight: PositiveFloat
+    discriminator_width: Annotated[int, Field(ge=8)]
 
 
 class SplitOptions(Options):
@@ -73,6 +97,7 @@ class AugmentOptions(Options):
 
     rotation: Annotated[float, Field(ge=0, le=180)]
     flip: Probability
+    crop: Annotated[float, Field(gt=0, le=1)]
     jitter: Probability
 
 
@@ -99,22 +124,53 @@ class DataOptions(Options):
     augment: AugmentOptions
 
 
-class OptimizerOptions(Options):
-    """AdamW or Adam."""
+class AdamOptions(Options):
+    """AdamW or Adam; `decoder_weight_decay`, where it is not none, is that of all but the encoder."""
 
     name: Literal["adamw", "adam"]
     lr: PositiveFloat
     weight_decay: Weight
+    decoder_weight_decay: Annotated[Weight | None, NoneWord]
     eps: PositiveFloat
     betas: Annotated[list[Annotated[float, Field(ge=0, lt=1)]], Field(min_length=2, max_length=2)]
 
 
-class SchedulerOptions(Options):
-    """Learning rate over the steps of training."""
+class SGDOptions(Options):
+    """Gradient descent with momentum."""
 
-    name: Literal["polynomial", "constant"]
+    name: Literal["sgd"]
+    lr: PositiveFloat
+    weight_decay: Weight
+    decoder_weight_decay: Annotated[Weight | None, NoneWord]
+    momentum: Annotated[float, Field(ge=0, lt=1)]
+
+
+class ConstantOptions(Options):
+    """One learning rate throughout."""
+
+    name: Literal["constant"]
+
+
+class PolynomialOptions(Options):
+    """`hold` is the share of the steps before the learning rate begins to fall."""
+
+    name: Literal["polynomial"]
     power: PositiveFloat
     final_ratio: Probability
+    hold: Annotated[float, Field(ge=0, lt=1)]
+
+
+class StepOptions(Options):
+    """The learning rate times `factor` after every `epochs`."""
+
+    name: Literal["step"]
+    epochs: PositiveInt
+    factor: Annotated[float, Field(gt=0, le=1)]
+
+
+OptimizerOptions = AdamOptions | SGDOptions
+SchedulerOptions = ConstantOptions | PolynomialOptions | StepOptions
+TaskOptions = SupervisedOptions | AdversarialOptions
 
 
 class TrainerOptions(Options):
@@ -148,7 +204,8 @@ class LoggerOptions(Options):
 class ProtocolOptions(Options):
     """How predictions are scored; the name stands in every table."""
 
-    name: Literal["house"]
+    name: Literal["house", "mirrored", "mirrored_ramp"]
+    mirror: Annotated[Literal["mean", "ramp"] | None, NoneWord]
 
 
 class TrainOptions(Options):
@@ -159,11 +216,12 @@ class TrainOptions(Options):
     output_dir: str
     preset: str
     model: ModelOptions
+    task: Annotated[TaskOptions, ByName]
     loss: LossOptions
     data: DataOptions
     phantom: PhantomOptions
-    optimizer: OptimizerOptions
-    scheduler: SchedulerOptions
+    optimizer: Annotated[OptimizerOptions, ByName]
+    scheduler: Annotated[SchedulerOptions, ByName]
     trainer: TrainerOptions
     callbacks: CallbackOptions
     logger: LoggerOptions
@@ -172,28 +230,50 @@ class TrainOptions(Options):
     @model_validator(mode="after")
     def _parts_fit(self) -> "TrainOptions":
         loss, model = self.loss, self.model
-        asked = [term for term in loss.terms if term != "depth"]
-        if asked and not model.predicts_normals:
+        asked = [term for term in loss.terms if term in ("normals", "consistency")]
+        if asked and model.normals == "none":
             raise ValueError(
-                f"loss: {' and '.join(asked)} cannot be served, because model={model.name} "
-                "predicts no normals; take loss=silog, or model=bts_cbam_mtl or col3d_mtl"
+                f"loss: {' and '.join(asked)} cannot be served, because model={model.name} predicts no "
+                "normals with model.normals=none; take model.normals=unc, or loss=silog"
             )
-        if len(loss.lambdas) != len(loss.terms):
-            raise ValueError(
-                f"loss.lambdas: expected {len(loss.terms)} weight(s) for model={model.name} "
-                f"({', '.join(loss.terms)}), got {len(loss.lambdas)}: {loss.lambdas}"
-            )
+        for option, given in (("lambdas", loss.lambdas), ("from_epoch", loss.from_epoch)):
+            if given is not None and len(given) != len(loss.terms):
+                raise ValueError(
+                    f"loss.{option}: expected {len(loss.terms)} number(s) for model={model.name} "
+                    f"({', '.join(loss.terms)}), got {len(given)}: {given}"
+                )
+        if self.task.name == "adversarial":
+            self._adversarial_fits()
         if not any(loss.lambdas):
             raise ValueError(f"loss.lambdas: at least one weight must be above 0, got {loss.lambdas}")
         if "normals" in loss.terms and self.data.normals == "none":
             raise ValueError("data.normals: the loss needs normals, got none; take stored or derived")
         return self
 
+    def _adversarial_fits(self) -> None:
+        given = self.trainer
+        if given.accumulate > 1:
+            raise ValueError(f"trainer.accumulate: task=adversarial steps each batch, got {given.accumulate}")
+        if given.gradient_clip is not None and given.precision == "16-mixed":
+            raise ValueError(
+                "trainer.gradient_clip: task=adversarial cannot clip scaled gradients; take bf16-mixed"
+            )
+
 
 class EvaluateOptions(Options):
-    """Everything that `evaluate.py` takes; what is null stays as the checkpoint was trained."""
+    """Everything that `evaluate.py` takes; what is null stays as the checkpoint was trained.
+
+    `data` and `phantom` may be left out; `published` names the program whose weights the checkpoint holds.
+    """
 
     checkpoint: str
+    published: (
+        Literal["bts", "col3d_bts_cbam", "col3d_mtl_no_xtc", "col3d_mtl", "newcrfs", "monodepth_fpn"] | None
+    )
+    max_depth: PositiveFloat
+    protocol: ProtocolOptions
+    data: DataOptions | None = None
+    phantom: PhantomOptions
     output_dir: str | None
     split: Split
     panels: Annotated[int, Field(ge=0)]

@@ -8,6 +8,13 @@ from pydantic_core import ErrorDetails
 
 from col3d.checks import UserError, nearest_name
 
+BY_NAME = {
+    "task": ("supervised", "adversarial"),
+    "optimizer": ("adamw", "adam", "sgd"),
+    "scheduler": ("constant", "polynomial", "step"),
+}
+"""Groups whose options are told apart by their name, which pydantic puts into the location of a mistake."""
+
 OptionsType = TypeVar("OptionsType", bound=BaseModel)
 
 
@@ -28,7 +35,10 @@ def check_options(options: type[OptionsType], given: Mapping[str, Any]) -> Optio
 
 
 def _option(detail: ErrorDetails) -> str:
-    return ".".join(str(part) for part in detail["loc"] if not _is_union_branch(str(part)))
+    group, *inner = detail["loc"] or ("",)
+    chosen = inner[0] if inner and inner[0] in BY_NAME.get(str(group), ()) else None
+    parts = [group, *(inner if chosen is None else inner[1:])]
+    return ".".join(str(part) for part in parts if not _is_union_branch(str(part)))
 
 
 def _is_union_branch(part: str) -> bool:
@@ -45,7 +55,10 @@ def _line(options: type[BaseModel], option: str, details: list[ErrorDetails]) ->
         return f"{option}: no such option{nearest_name(option, names)}"
     if kind == "missing":
         return f"{option}: a value is needed"
-    if kind == "value_error" and not option:
+    if kind == "union_tag_invalid":
+        context = details[0]["ctx"]
+        return f"{option}.name: expected one of {context['expected_tags']}, got {context['tag']!r}"
+    if kind == "value_error":
         return details[0]["msg"].removeprefix("Value error, ")
     rules = [
         detail["msg"].replace("Input should be ", "").replace("List should have ", "") for detail in details
@@ -61,5 +74,5 @@ def _fields(options: type[BaseModel], path: list[str]) -> list[str]:
         nested = [kind for kind in kinds if isinstance(kind, type) and issubclass(kind, BaseModel)]
         if not nested:
             return []
-        options = nested[0]
+        options = max(nested, key=lambda kind: len(kind.model_fields))
     return list(options.model_fields)

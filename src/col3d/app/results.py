@@ -9,7 +9,7 @@ from typing import Any
 from lightning import Callback, LightningModule
 from lightning.pytorch.loggers import Logger, WandbLogger
 
-from col3d.app.config import TrainOptions
+from col3d.app.config import DataOptions
 from col3d.callbacks import ImagePanels, PerFrameTable
 from col3d.data.splits import describe
 from col3d.reports.per_frame import means
@@ -18,37 +18,32 @@ from col3d.reports.summary import print_summary, summarise, write_json
 VERSIONS = ("col3d", "torch", "lightning", "torchmetrics", "timm", "kornia", "numpy")
 
 
+Facts = dict[str, str | int]
+
+
+def facts_of(model: str, seed: int, data: DataOptions, part: str, protocol: str) -> Facts:
+    """The columns that stand in every row of a table."""
+    return {"model": model, "seed": seed, "data": data.name, "split": part, "protocol": protocol}
+
+
 class Results:
     """Callbacks that collect the results of one evaluation, and the files they end in.
 
     Args:
-        options: of the training.
+        facts: what is the same for every frame; see `facts_of`.
         folder: where the files go.
-        split: which part is evaluated.
+        split_name: which split the part belongs to.
         frames: number of frames of each part.
-        panels: how many pictures; as in the options when absent.
+        panels: how many pictures.
     """
 
     def __init__(
-        self,
-        options: TrainOptions,
-        folder: Path,
-        split: str,
-        frames: Mapping[str, int],
-        panels: int | None = None,
+        self, facts: Facts, folder: Path, split_name: str, frames: Mapping[str, int], panels: int
     ) -> None:
-        self.folder = folder
-        self.facts: dict[str, str | int] = {
-            "model": options.model.name,
-            "seed": options.seed,
-            "data": options.data.name,
-            "split": split,
-            "protocol": options.protocol.name,
-        }
-        self.context = {"split_name": options.data.split.name, "frames_by_split": dict(frames)}
+        self.folder, self.facts = folder, facts
+        self.context = {"split_name": split_name, "frames_by_split": dict(frames)}
         self.table = PerFrameTable(folder / "per_frame.csv", self.facts, describe)
-        count = options.callbacks.panels if panels is None else panels
-        self.panels = ImagePanels(folder / "panels", count)
+        self.panels = ImagePanels(folder / "panels", panels)
         self.callbacks: list[Callback] = [self.table, self.panels]
 
     def write(
@@ -65,7 +60,7 @@ class Results:
             "checkpoint": str(checkpoint),
             "best": dict(best),
             "baseline": means(self.table.baseline),
-            "parameters": sum(p.numel() for p in task.parameters() if p.requires_grad),
+            "parameters": sum(p.numel() for p in task.get_submodule("network").parameters()),
             "versions": {name: version(name) for name in VERSIONS},
         }
         summary = summarise(self.table.rows, facts)

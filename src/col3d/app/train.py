@@ -14,9 +14,9 @@ from lightning.pytorch.callbacks import LearningRateMonitor, ModelCheckpoint, Ri
 from lightning.pytorch.loggers import Logger
 
 from col3d.app import build
-from col3d.app.config import TrainOptions
+from col3d.app.config import TrainerOptions, TrainOptions
 from col3d.app.errors import check_options
-from col3d.app.results import Results
+from col3d.app.results import Results, facts_of
 from col3d.app.run_folder import RunFolder
 from col3d.app.tracking import csv_logger, wandb_run
 from col3d.callbacks import EpochLines, FiniteLoss
@@ -78,8 +78,12 @@ def _fit_and_test(
         save_last=True,
         enable_version_counter=False,
     )
-    results = Results(options, folder.path, "test", data.lengths())
-    trainer = make_trainer(options, [best, *_watchers(), *results.callbacks], loggers)
+    facts = facts_of(options.model.name, options.seed, options.data, "test", options.protocol.name)
+    results = Results(facts, folder.path, options.data.split.name, data.lengths(), options.callbacks.panels)
+    adversarial = options.task.name == "adversarial"
+    trainer = make_trainer(
+        options.trainer, [best, *_watchers(), *results.callbacks], loggers, adversarial=adversarial
+    )
     try:
         trainer.fit(task, datamodule=data, ckpt_path=folder.cut_off, weights_only=True)
     except DivergedError as error:
@@ -116,17 +120,21 @@ def check_accelerator(name: str) -> None:
         raise UserError(f"trainer.accelerator: this machine has no {name}; take auto or cpu")
 
 
-def make_trainer(options: TrainOptions, callbacks: list[Callback], loggers: list[Logger]) -> Trainer:
+def make_trainer(
+    given: TrainerOptions, callbacks: list[Callback], loggers: list[Logger], adversarial: bool = False
+) -> Trainer:
     """Lightning's Trainer; samplers are ours, so that evaluation counts each frame once under DDP."""
-    given = options.trainer
+    # Each of two networks that learn in turn leaves the other's gradients out.
+    parts_unused = adversarial and given.strategy == "ddp"
+    strategy = "ddp_find_unused_parameters_true" if parts_unused else given.strategy
     on_cpu = given.accelerator == "cpu" or not torch.cuda.is_available()  # metrics are float64: no MPS
     return Trainer(
         max_epochs=given.max_epochs,
         accelerator="cpu" if on_cpu else "cuda",
         devices=given.devices,
-        strategy=given.strategy,
+        strategy=strategy,
         precision=given.precision,
-        gradient_clip_val=given.gradient_clip,
+        gradient_clip_val=None if adversarial else given.gradient_clip,  # that task clips by itself
         accumulate_grad_batches=given.accumulate,
         deterministic=given.deterministic,
         limit_train_batches=given.limit_train_batches,

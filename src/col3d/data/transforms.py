@@ -6,6 +6,7 @@ with the image. kornia warps the maps; that the vectors in them turn too, it lea
 
 import math
 import zlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -70,10 +71,31 @@ def rotate(batch: Batch, degrees: Float[Tensor, " b"]) -> Batch:
     Where pixels are not square (frames squeezed to 320 x 320), the map of the pixels allows for it, so that
     the scene turns rigidly about the optical axis.
     """
+    move = _pixel_rotation(degrees, _size_hw(batch), _pixel_aspect(batch["rays"]))
+    return _warp(batch, move, lambda vectors: _turn(vectors, degrees))
+
+
+def crop(batch: Batch, share: float, place: Float[Tensor, "b 2"]) -> Batch:
+    """Cut a window out of each frame and enlarge it to the frame's size; depth, normals and rays are kept.
+
+    Args:
+        batch: frames.
+        share: of either side that the window has.
+        place: of the window, from (0, 0) at the top left to (1, 1) at the bottom right.
+    """
+    size_hw = _size_hw(batch)
+    # Edges of the frame are half a pixel outside the outermost centres.
+    room = place.new_tensor([size_hw[1], size_hw[0]]) * (1 - share)
+    offset = (place.flip(-1) * room + (share - 1) / 2) / -share
+    scale = torch.eye(2, device=place.device).expand(len(place), 2, 2) / share
+    return _warp(batch, torch.cat([scale, offset[..., None]], dim=-1), lambda vectors: vectors)
+
+
+def _warp(batch: Batch, move: Float[Tensor, "b 2 3"], turn: Callable[[Tensor], Tensor]) -> Batch:
+    """Move pixels by affine maps, and turn vectors with them."""
     from kornia.geometry.transform import warp_affine
 
-    size_hw = (int(batch["image"].shape[-2]), int(batch["image"].shape[-1]))
-    move = _pixel_rotation(degrees, size_hw, _pixel_aspect(batch["rays"]))
+    size_hw = _size_hw(batch)
 
     def warp(values: Tensor, padding: str) -> Tensor:
         return warp_affine(values.float(), move, size_hw, padding_mode=padding, align_corners=True)
@@ -83,11 +105,15 @@ def rotate(batch: Batch, degrees: Float[Tensor, " b"]) -> Batch:
         "image": warp(batch["image"], "border"),
         "depth": torch.where(mask, warp(batch["depth"], "border"), 0.0),
         "mask": mask,
-        "rays": unit(_turn(warp(batch["rays"], "border"), degrees)),
+        "rays": unit(turn(warp(batch["rays"], "border"))),
     }
     if "normals" in batch:
-        moved["normals"] = torch.where(mask, unit(_turn(warp(batch["normals"], "border"), degrees)), 0.0)
+        moved["normals"] = torch.where(mask, unit(turn(warp(batch["normals"], "border"))), 0.0)
     return batch | moved  # type: ignore[return-value]
+
+
+def _size_hw(batch: Batch) -> tuple[int, int]:
+    return int(batch["image"].shape[-2]), int(batch["image"].shape[-1])
 
 
 def jitter(
@@ -108,6 +134,8 @@ class Augment:
     """Largest rotation in degrees, either way."""
     flip: float = 0.0
     """Probability of mirroring."""
+    crop: float = 1.0
+    """Share of either side that is kept, anywhere in the frame, and enlarged to its size."""
     jitter: float = 0.0
     """Probability of a photometric change: gamma 0.9..1.1, brightness 0.75..1.25, colours 0.9..1.1."""
 
@@ -118,6 +146,8 @@ class Augment:
             batch = flip(batch, draws[:, 0] < self.flip)
         if self.rotation:
             batch = rotate(batch, self.rotation * (2 * draws[:, 1] - 1))
+        if self.crop < 1:
+            batch = crop(batch, self.crop, draws[:, 8:10])
         if self.jitter:
             chosen = draws[:, 2] < self.jitter
             gamma = torch.where(chosen, 0.9 + 0.2 * draws[:, 3], 1.0)
@@ -128,11 +158,11 @@ class Augment:
 
     @staticmethod
     def _draws(batch: Batch, seed: int, epoch: int) -> Tensor:
-        """Eight uniform numbers a frame, the same whatever the batch, the worker or the device."""
+        """Ten uniform numbers a frame, the same whatever the batch, the worker or the device."""
         rows = []
         for video, frame in zip(batch["video"], batch["frame"].tolist(), strict=True):
             key = zlib.crc32(f"{seed}/{epoch}/{video}/{frame}".encode())
-            rows.append(torch.rand(8, generator=torch.Generator().manual_seed(key)))
+            rows.append(torch.rand(10, generator=torch.Generator().manual_seed(key)))
         return torch.stack(rows)
 
 

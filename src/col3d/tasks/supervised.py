@@ -1,18 +1,19 @@
 """Supervised training of depth, and of normals where the network predicts them."""
 
-from collections.abc import Callable, Iterable, Mapping
+import zlib
+from collections.abc import Mapping
 from typing import Any, TypedDict
 
 import torch
 from lightning import LightningModule
 from torch import Tensor, nn
-from torch.optim import Optimizer
-from torch.optim.lr_scheduler import LRScheduler
 from torchmetrics import MeanMetric
 
 from col3d.batch import Batch, Prediction
 from col3d.metrics import DepthMetrics, FrameMean, NormalMetrics
 from col3d.metrics.functional import depth_metrics, normal_metrics
+from col3d.tasks.mirror import mirror_average
+from col3d.tasks.optimisation import OptimizerFactory, SchedulerFactory
 
 
 class Scored(TypedDict):
@@ -29,11 +30,14 @@ class SupervisedTask(LightningModule):
     """One optimiser, one weighted sum of losses; validation and test by per-frame metrics.
 
     Args:
-        network: image -> `Prediction`.
-        loss: (prediction, batch) -> terms by name and `total`.
-        optimizer: parameters -> optimiser.
-        scheduler: (optimiser, steps of the whole training) -> learning-rate schedule, stepped each batch.
+        network: (image, rays) -> `Prediction`.
+        loss: (prediction, batch, epoch) -> terms by name and `total`; None where nothing is trained.
+        optimizer: network -> optimiser.
+        scheduler: (optimiser, steps, epochs of the training) -> learning-rate schedule, stepped each batch.
         options: plain options that built all this, kept in the checkpoint.
+        mirror: how a test averages the prediction with that of the mirrored frame: "mean", "ramp" or None.
+        seed: what random layers draw from, anew in each epoch, so that a training that was cut off and goes
+            on draws what it would have drawn.
     """
 
     depth_seen: Tensor
@@ -42,15 +46,18 @@ class SupervisedTask(LightningModule):
     def __init__(
         self,
         network: nn.Module,
-        loss: nn.Module,
-        optimizer: Callable[[Iterable[nn.Parameter]], Optimizer] | None = None,
-        scheduler: Callable[[Optimizer, int], LRScheduler] | None = None,
+        loss: nn.Module | None = None,
+        optimizer: OptimizerFactory | None = None,
+        scheduler: SchedulerFactory | None = None,
         options: Mapping[str, Any] | None = None,
+        mirror: str | None = None,
+        seed: int = 0,
     ) -> None:
         super().__init__()
         self.save_hyperparameters({"options": dict(options or {})}, logger=False)
         self.network, self.loss = network, loss
         self.optimizer, self.scheduler = optimizer, scheduler
+        self.mirror, self.seed = mirror, seed
         self.val_metrics: dict[str, FrameMean] = nn.ModuleDict({"depth": DepthMetrics()})  # type: ignore[assignment]
         if "normals" in getattr(network, "tasks", ()):
             self.val_metrics["normals"] = NormalMetrics()
@@ -66,19 +73,32 @@ class SupervisedTask(LightningModule):
 
     def training_step(self, batch: Batch, batch_idx: int) -> Tensor:
         """Weighted sum of the losses; every term is logged."""
-        losses = self.loss(self(batch), batch)
-        named = {f"train/{name}": value.detach() for name, value in _named(losses).items()}
-        size = len(batch["image"])
-        self.log_dict(named, batch_size=size, on_step=False, on_epoch=True, sync_dist=True)
+        return self.losses(self(batch), batch)["total"]
+
+    def losses(self, prediction: Prediction, batch: Batch) -> dict[str, Tensor]:
+        """The terms and their `total` for a training batch, logged."""
+        losses: dict[str, Tensor] = self._losses(prediction, batch)
+        self.log_train(_named(losses), batch)
         if self.current_epoch == 0:
             seen = torch.where(batch["mask"], batch["depth"], 0.0).sum(dtype=torch.float64)
             self._seen += torch.stack([seen, batch["mask"].sum()])
-        total: Tensor = losses["total"]
-        return total
+        return losses
+
+    def log_train(self, values: Mapping[str, Tensor], batch: Batch) -> None:
+        """Log the epoch's means of a training batch's values, over all processes."""
+        named = {f"train/{name}": value.detach() for name, value in values.items()}
+        self.log_dict(named, batch_size=len(batch["image"]), on_step=False, on_epoch=True, sync_dist=True)
+
+    def _losses(self, prediction: Prediction, batch: Batch) -> dict[str, Tensor]:
+        if self.loss is None:
+            raise RuntimeError("a task without a loss can only be tested")
+        losses: dict[str, Tensor] = self.loss(prediction, batch, self.current_epoch)
+        return losses
 
     def on_train_epoch_start(self) -> None:
         """Begin the mean training depth; a buffer would be overwritten by the first process under DDP."""
         self._seen = torch.zeros_like(self.depth_seen)
+        torch.manual_seed(zlib.crc32(f"{self.seed}/{self.current_epoch}/{self.global_rank}".encode()))
 
     def on_train_epoch_end(self) -> None:
         """Keep the mean training depth, over all processes."""
@@ -88,7 +108,7 @@ class SupervisedTask(LightningModule):
     def validation_step(self, batch: Batch, batch_idx: int) -> None:
         """Losses and metrics."""
         prediction = self(batch)
-        for name, value in _named(self.loss(prediction, batch)).items():
+        for name, value in _named(self._losses(prediction, batch)).items():
             self.val_losses[name].update(value, weight=len(batch["image"]))
         for key, metric in self.val_metrics.items():
             if key in batch:
@@ -108,7 +128,7 @@ class SupervisedTask(LightningModule):
 
     def test_step(self, batch: Batch, batch_idx: int) -> Scored:
         """Prediction and the metrics of each frame."""
-        prediction = self(batch)
+        prediction = self._tested(batch)
         mask = batch["mask"]
         values = depth_metrics(prediction["depth"], batch["depth"], mask)
         if "normals" in prediction and "normals" in batch:
@@ -119,15 +139,25 @@ class SupervisedTask(LightningModule):
             baseline = depth_metrics(mean.expand_as(batch["depth"]), batch["depth"], mask)
         return {"prediction": prediction, "values": values, "baseline": baseline}
 
+    def _tested(self, batch: Batch) -> Prediction:
+        if self.mirror is None:
+            prediction: Prediction = self(batch)
+            return prediction
+        return mirror_average(self, batch, ramp=self.mirror == "ramp")
+
     def configure_optimizers(self) -> Any:
         """The optimiser, with a schedule over the steps of the whole training."""
         if self.optimizer is None:
             return None
-        optimizer = self.optimizer(self.network.parameters())
+        return self._optimisation(self.optimizer, self.network)
+
+    def _optimisation(self, optimizer: OptimizerFactory, network: nn.Module) -> dict[str, Any]:
+        built = optimizer(network)
         if self.scheduler is None:
-            return optimizer
-        schedule = self.scheduler(optimizer, int(self.trainer.estimated_stepping_batches))
-        return {"optimizer": optimizer, "lr_scheduler": {"scheduler": schedule, "interval": "step"}}
+            return {"optimizer": built}
+        epochs = self.trainer.max_epochs or 1
+        schedule = self.scheduler(built, int(self.trainer.estimated_stepping_batches), epochs)
+        return {"optimizer": built, "lr_scheduler": {"scheduler": schedule, "interval": "step"}}
 
 
 def _named(losses: Mapping[str, Tensor]) -> dict[str, Tensor]:

@@ -1,0 +1,80 @@
+"""Published weights scored as they are, and trained ones on other data."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from parity import needs_parity, published_state
+from tiny_run import composed
+
+from col3d.app.evaluate import evaluate
+from col3d.app.train import train
+from col3d.checks import UserError
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*pin_memory.*")
+Compose = Callable[..., dict[str, Any]]
+PHANTOM = (
+    "data=phantom",
+    "data/split=custom",
+    "data.split.train=[cecum_t1_a]",
+    "data.split.val=[trans_t1_a:1-2]",
+    "data.split.test=[desc_t4_a,trans_t1_a:2-2]",
+    "phantom.size=[64,80]",
+    "phantom.frames_per_video=3",
+    "data.size=[64,64]",
+    "data.batch_size=2",
+    "data.workers=0",
+)
+
+
+def score(checkpoint: Path, *overrides: str) -> dict[str, Any]:
+    """The summary of an evaluation."""
+    folder = checkpoint.parent / "scored"
+    place = (f"checkpoint={checkpoint}", f"output_dir={folder}", "accelerator=cpu", "panels=1")
+    evaluate(composed("evaluate", *place, *overrides))
+    summary: dict[str, Any] = json.loads((folder / "summary.json").read_text())
+    return summary
+
+
+@needs_parity
+@pytest.mark.parametrize("source", ["col3d_mtl", "newcrfs"])
+def test_an_authors_checkpoint_is_scored_as_it_is(source: str, phantom_root: Path, tmp_path: Path) -> None:
+    path = tmp_path / "weights"
+    torch.save({"model": {f"module.{n}": v for n, v in published_state(source).items()}}, path)
+    summary = score(path, f"published={source}", *PHANTOM, f"data.root={phantom_root}")
+    assert (summary["model"], summary["data"], summary["frames_by_split"]) == (source, "phantom", {"test": 4})
+    assert ("angle_mean" in summary["metrics"]) == (source == "col3d_mtl")
+    mirrored = score(path, f"published={source}", "protocol=mirrored", *PHANTOM, f"data.root={phantom_root}")
+    assert mirrored["protocol"] == "mirrored"
+    assert mirrored["metrics"]["abs_rel"] != summary["metrics"]["abs_rel"]
+
+
+def test_a_trained_checkpoint_on_other_frames(tiny: Compose, phantom_root: Path, tmp_path: Path) -> None:
+    train(tiny())
+    path = tmp_path / "run" / "checkpoints" / "best.ckpt"
+    summary = score(path, *PHANTOM, f"data.root={phantom_root}", "data.split.test=[trans_t1_a]")
+    assert summary["frames_by_split"] == {"test": 3}
+
+
+@pytest.mark.parametrize(
+    ("content", "overrides", "message"),
+    [
+        ({"a": torch.zeros(1)}, ["published=bts"], "data: published weights do not say"),
+        ({"a": torch.zeros(1)}, ["published=bts", *PHANTOM], "must hold weights of bts; it has a"),
+        ({"a": torch.zeros(1)}, ["published=btz"], "published: expected 'bts'"),
+        ({"a": torch.zeros(1)}, [], "for the authors' weights say published="),
+        (torch.nn.Linear(1, 1), ["published=bts", *PHANTOM], "must hold tensors and plain values alone"),
+    ],
+)
+def test_each_mistake_is_one_line(
+    content: Any, overrides: list[str], message: str, phantom_root: Path, tmp_path: Path
+) -> None:
+    torch.save(content, tmp_path / "weights")
+    root = [f"data.root={phantom_root}"] if PHANTOM[0] in overrides else []
+    with pytest.raises(UserError) as refusal:
+        score(tmp_path / "weights", *overrides, *root)
+    assert message in str(refusal.value)
+    assert "\n" not in str(refusal.value)
