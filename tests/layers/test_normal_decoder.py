@@ -52,7 +52,7 @@ def test_the_camera_frame_predicts_surfaces_that_nobody_can_see(rays: Tensor) ->
 
 
 def test_visible_surfaces_that_look_ahead_are_reached(rays: Tensor) -> None:
-    """At the rim a wall may face the camera and yet have n_z > 0: the cone of the published heads never does."""
+    """At the rim a wall may face the camera and yet have n_z > 0, which no cone about the axis holds."""
     wanted = torch.tensor([-0.8, 0.0, 0.6])[None, :, None, None]
     ray = torch.tensor([0.96, 0.0, 0.28])[None, :, None, None]
     assert (wanted * ray).sum() < 0

@@ -40,7 +40,7 @@ def evaluate(given: Mapping[str, Any]) -> None:
     check_accelerator(options.accelerator)
     path = Path(options.checkpoint)
     subject = _published(path, options) if options.published else _trained(path, options)
-    folder = Path(options.output_dir) if options.output_dir else _beside(path, options.split)
+    folder = Path(options.output_dir) if options.output_dir else _beside(path, options)
     data = build.data_module(subject.data, subject.phantom, subject.seed, [options.split])
     lengths = data.lengths()
     data.frames["test"] = data.frames[options.split]
@@ -119,7 +119,9 @@ def _machine(options: EvaluateOptions) -> TrainerOptions:
     )
 
 
-def _beside(checkpoint: Path, split: str) -> Path:
-    """A folder of the run that the checkpoint belongs to."""
+def _beside(checkpoint: Path, options: EvaluateOptions) -> Path:
+    """A folder of the run that the checkpoint belongs to, named for what is scored and how."""
     run = checkpoint.parent.parent if checkpoint.parent.name == "checkpoints" else checkpoint.parent
-    return run / f"evaluation_{split}"
+    protocol = None if options.protocol.name == "house" else options.protocol.name
+    whose = None if options.published is None else f"{options.published}_{checkpoint.stem}"
+    return run / "_".join(filter(None, ("evaluation", whose, options.split, protocol)))

@@ -143,7 +143,7 @@ class PinholeCamera(Camera):
 
     @classmethod
     def c3vd_published(cls, size_hw: tuple[int, int]) -> "PinholeCamera":
-        """The same at another size as published code scales it: the principal point by the sizes' ratio alone.
+        """The same at another size as published code scales it: by the ratio of the sizes alone.
 
         `c3vd().resized(size_hw)` keeps to the half pixel by which pixel centres shift besides.
         """

@@ -17,7 +17,10 @@ def _batch_norms(encoder: nn.Module) -> list[nn.Module]:
 
 
 def _first_conv(encoder: nn.Module) -> None:
-    _keep(next(m for m in encoder.modules() if isinstance(m, nn.Conv2d)))
+    conv = next((m for m in encoder.modules() if isinstance(m, nn.Conv2d)), None)
+    if conv is None:
+        raise ValueError("model.freeze: first_conv finds no convolution in the encoder")
+    _keep(conv)
 
 
 def _statistics(encoder: nn.Module) -> None:
@@ -45,8 +48,9 @@ def freeze(network: nn.Module, policies: Iterable[str]) -> None:
         ValueError: a policy is unknown, or finds nothing to keep in this encoder.
     """
     encoder = network.get_submodule("encoder")
+    has_batch_norms = bool(_batch_norms(encoder))  # before statistics, kept, make other layers of them
     for policy in policies:
         known = POLICIES[check_known("model.freeze", policy, POLICIES)]
-        if policy.startswith("batch_norm") and not _batch_norms(encoder):
+        if policy.startswith("batch_norm") and not has_batch_norms:
             raise ValueError(f"model.freeze: {policy} finds no batch norm in the encoder")
         known(encoder)

@@ -83,10 +83,13 @@ class WeightedLoss(nn.Module):
             losses = {
                 name: term(*self._arguments(name, prediction, batch)) for name, term in self.terms.items()
             }
-            counts = [name for name in losses if epoch is None or epoch >= self.from_epoch[name]]
-            weighted = [self.lambdas[name] * losses[name] for name in counts]
-            losses["total"] = torch.stack(weighted or [0.0 * prediction["depth"].sum()]).sum()
+            weighted = [self._weight(name, epoch) * loss for name, loss in losses.items()]
+            losses["total"] = torch.stack(weighted).sum()
         return losses
+
+    def _weight(self, name: str, epoch: int | None) -> float:
+        # Zero rather than left out: under DDP every prediction has to have a gradient.
+        return self.lambdas[name] if epoch is None or epoch >= self.from_epoch[name] else 0.0
 
     def _each(self, option: str, numbers: Sequence[Number]) -> dict[str, Number]:
         if len(numbers) != len(self.terms):

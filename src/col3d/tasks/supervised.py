@@ -36,7 +36,7 @@ class SupervisedTask(LightningModule):
         scheduler: (optimiser, steps, epochs of the training) -> learning-rate schedule, stepped each batch.
         options: plain options that built all this, kept in the checkpoint.
         mirror: how a test averages the prediction with that of the mirrored frame: "mean", "ramp" or None.
-        seed: what random layers draw from, anew in each epoch, so that a training that was cut off and goes
+        seed: what random layers draw from, anew in each step, so that a training that was cut off and goes
             on draws what it would have drawn.
     """
 
@@ -98,7 +98,11 @@ class SupervisedTask(LightningModule):
     def on_train_epoch_start(self) -> None:
         """Begin the mean training depth; a buffer would be overwritten by the first process under DDP."""
         self._seen = torch.zeros_like(self.depth_seen)
-        torch.manual_seed(zlib.crc32(f"{self.seed}/{self.current_epoch}/{self.global_rank}".encode()))
+
+    def on_train_batch_start(self, batch: Batch, batch_idx: int) -> None:
+        """Seed each step: Lightning's loader draws too, in a training that goes on at another moment."""
+        place = f"{self.seed}/{self.current_epoch}/{batch_idx}/{self.global_rank}"
+        torch.manual_seed(zlib.crc32(place.encode()))
 
     def on_train_epoch_end(self) -> None:
         """Keep the mean training depth, over all processes."""
