@@ -35,6 +35,8 @@ def checked(*overrides: str) -> TrainOptions:
 def test_every_file_composes_into_valid_options(choice: str) -> None:
     if choice.startswith("loss="):
         checked(choice, "model=col3d_mtl")
+    elif choice.startswith("protocol="):
+        check_options(EvaluateOptions, composed("evaluate", "checkpoint=x.ckpt", choice))
     else:
         checked(choice)
 
@@ -60,7 +62,7 @@ def test_a_recipe_can_be_made_small() -> None:
     options = checked("experiment=published/newcrfs", "preset=smoke", "trainer.max_epochs=2")
     assert (options.model.encoder, options.model.width) == ("swin_tiny_patch4_window7_224", 64)
     assert (options.optimizer.name, options.optimizer.lr, options.data.size) == ("adam", 2e-5, [64, 64])
-    assert options.protocol.mirror == "ramp"
+    assert options.one_protocol[1].mirror == "ramp"
 
 
 def test_the_other_entry_points_compose() -> None:
@@ -140,6 +142,8 @@ def test_names_in_the_options_are_those_that_can_be_built() -> None:
         (["optimizer.lr=x"], ["optimizer.lr: expected", "number"]),
         (["+scheduler.powr=1"], ["scheduler.powr: no such option", "scheduler.power"]),
         (["loss.from_epoch=[0,1]"], ["loss.from_epoch", "3 number(s)"]),
+        (["protocol=native"], ["protocol", "network's resolution", "got native"]),
+        (["protocol=[house,published]"], ["protocol", "one protocol", "house, published"]),
         (["task=adversarial", "trainer.accumulate=2"], ["trainer.accumulate", "got 2"]),
         (
             ["task=adversarial", "trainer.precision=16-mixed", "trainer.gradient_clip=1.0"],

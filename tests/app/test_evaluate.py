@@ -35,7 +35,8 @@ def score(checkpoint: Path, *overrides: str) -> dict[str, Any]:
     folder = checkpoint.parent / "scored"
     place = (f"checkpoint={checkpoint}", f"output_dir={folder}", "accelerator=cpu", "panels=1")
     evaluate(composed("evaluate", *place, *overrides))
-    summary: dict[str, Any] = json.loads((folder / "summary.json").read_text())
+    file = folder / "summary.json"
+    summary: dict[str, Any] = json.loads(file.read_text()) if file.is_file() else {}
     return summary
 
 
@@ -47,9 +48,16 @@ def test_an_authors_checkpoint_is_scored_as_it_is(source: str, phantom_root: Pat
     summary = score(path, f"published={source}", *PHANTOM, f"data.root={phantom_root}")
     assert (summary["model"], summary["data"], summary["frames_by_split"]) == (source, "phantom", {"test": 4})
     assert ("angle_mean" in summary["metrics"]) == (source == "col3d_mtl")
-    mirrored = score(path, f"published={source}", "protocol=mirrored", *PHANTOM, f"data.root={phantom_root}")
-    assert mirrored["protocol"] == "mirrored"
-    assert mirrored["metrics"]["abs_rel"] != summary["metrics"]["abs_rel"]
+    others = ["mirrored", "published", "median_scaled", "scale_and_shift", "native"]
+    score(
+        path, f"published={source}", f"protocol=[{','.join(others)}]", *PHANTOM, f"data.root={phantom_root}"
+    )
+    seen = {summary["metrics"]["abs_rel"]}
+    for name in others:
+        other = json.loads((tmp_path / "scored" / name / "summary.json").read_text())
+        assert other["protocol"] == name
+        seen.add(other["metrics"]["abs_rel"])
+    assert len(seen) == 6
 
 
 def test_a_trained_checkpoint_on_other_frames(tiny: Compose, phantom_root: Path, tmp_path: Path) -> None:

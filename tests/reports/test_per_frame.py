@@ -34,7 +34,7 @@ def test_there_and_back_to_the_last_digit(tmp_path: Path) -> None:
     rows = [row("a, quoted", 0, **values), row("b", 7, abs_rel=math.pi)]
     write_per_frame(tmp_path / "per_frame.csv", rows)
     found = read_per_frame(tmp_path / "per_frame.csv")
-    assert list(found[0]) == [*IDENTITY, *METRICS]
+    assert list(found[0]) == [*IDENTITY, *METRICS, "delta_1_1", "pixels"]
     assert {name: float(found[0][name]) for name in METRICS} == values
     assert (found[0]["video"], found[1]["frame"]) == ("a, quoted", "7")
     assert [name for name in METRICS if found[1][name] != ""] == ["abs_rel"]
@@ -69,6 +69,19 @@ def test_means_are_over_the_frames_that_have_a_value() -> None:
     assert means([row("a", 0)]) == {}
     assert math.isnan(means([*rows, row("c", 0, abs_rel=math.nan)])["abs_rel"])
     assert means([row("a", 0, angle_mean=0.0)]) == {"angle_mean": 0.0}
+
+
+def test_videos_or_pixels_can_weigh_the_same() -> None:
+    rows: list[Row] = [
+        row("a", 0, abs_rel=0.1, rmse=1.0, pixels=300),
+        row("a", 1, abs_rel=0.2, rmse=1.0, pixels=100),
+        row("b", 0, abs_rel=0.6, rmse=5.0, pixels=100),
+    ]
+    assert means(rows) == pytest.approx({"abs_rel": 0.3, "rmse": 7 / 3})
+    assert means(rows, "video") == pytest.approx({"abs_rel": 0.375, "rmse": 3.0})
+    assert means(rows, "pixel") == pytest.approx({"abs_rel": 0.11 / 0.5, "rmse": (29 / 5) ** 0.5})
+    with pytest.raises(ValueError, match=r"average: expected frame, video, pixel, got 'texture'"):
+        means(rows, "texture")
 
 
 def test_groups_keep_their_order() -> None:

@@ -18,6 +18,7 @@ from col3d.app.config import (
     OptimizerOptions,
     PhantomOptions,
     PolynomialOptions,
+    ProtocolOptions,
     SchedulerOptions,
     StepOptions,
     TrainOptions,
@@ -33,6 +34,7 @@ from col3d.layers.freeze import freeze
 from col3d.layers.network import DepthNetwork
 from col3d.layers.patch_gan import PatchGAN
 from col3d.losses import WeightedLoss
+from col3d.metrics import Protocol
 from col3d.models import create
 from col3d.tasks import AdversarialTask, SupervisedTask
 from col3d.tasks.optimisation import (
@@ -126,15 +128,24 @@ def _check_paper_counts(frames: C3VD) -> None:
         check_counts({v: n for v, n in counts.items() if frames.releases[v] == release}, release)
 
 
-def data_module(
-    options: DataOptions, phantom: PhantomOptions, seed: int, splits: Iterable[str] = SPLITS
-) -> FrameDataModule:
-    """Loaders of resized frames."""
+def resized(frames: C3VD, options: DataOptions, phantom: PhantomOptions, truth: str = "clean") -> Resized:
+    """Frames at the network's size; `truth` as in `Resize`."""
     height, width = options.size
-    resize = Resize((height, width), camera(options, phantom))
+    return Resized(frames, Resize((height, width), camera(options, phantom), truth))
+
+
+def data_module(
+    options: DataOptions,
+    phantom: PhantomOptions,
+    seed: int,
+    splits: Iterable[str] = SPLITS,
+    test_truth: str = "clean",
+) -> FrameDataModule:
+    """Loaders of resized frames; `test_truth` says how the truth of the test split is."""
     sets = frame_sets(options, phantom, splits)
+    truth = {split: test_truth if split == "test" else "clean" for split in sets}
     return FrameDataModule(
-        {split: Resized(frames, resize) for split, frames in sets.items()},
+        {split: resized(frames, options, phantom, truth[split]) for split, frames in sets.items()},
         batch_size=options.batch_size,
         workers=options.workers,
         augment=Augment(**options.augment.model_dump()),
@@ -181,9 +192,16 @@ def task(options: TrainOptions) -> SupervisedTask:
         optimizer(options.optimizer),
         scheduler(options.scheduler),
         options.model_dump(mode="json"),
-        mirror=options.protocol.mirror,
+        protocol=protocol(*options.one_protocol),
+        mirror=options.one_protocol[1].mirror,
         seed=options.seed,
     )
+
+
+def protocol(name: str, options: ProtocolOptions) -> Protocol:
+    """What predictions are scored by."""
+    low, high = options.truth_range
+    return Protocol(name, options.scaling, (low, high), options.cosine_epsilon, options.normal_axes)
 
 
 def optimizer(options: OptimizerOptions) -> OptimizerFactory:

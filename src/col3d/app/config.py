@@ -202,10 +202,20 @@ class LoggerOptions(Options):
 
 
 class ProtocolOptions(Options):
-    """How predictions are scored; the name stands in every table."""
+    """How predictions are scored; its name stands in every table."""
 
-    name: Literal["house", "mirrored", "mirrored_ramp"]
     mirror: Annotated[Literal["mean", "ramp"] | None, NoneWord]
+    resolution: Literal["network", "native"]
+    truth: Literal["clean", "mixed"]
+    truth_range: Annotated[list[Weight], Field(min_length=2, max_length=2)]
+    scaling: Literal["none", "median", "scale_and_shift"]
+    cosine_epsilon: Weight
+    normal_axes: Literal["house", "published"]
+    average: Literal["frame", "video", "pixel"]
+
+
+Protocols = Annotated[dict[str, ProtocolOptions], Field(min_length=1)]
+"""By name: `protocol=house`, or `protocol=[house,published]` where several can be."""
 
 
 class TrainOptions(Options):
@@ -225,7 +235,7 @@ class TrainOptions(Options):
     trainer: TrainerOptions
     callbacks: CallbackOptions
     logger: LoggerOptions
-    protocol: ProtocolOptions
+    protocol: Protocols
 
     @model_validator(mode="after")
     def _parts_fit(self) -> "TrainOptions":
@@ -242,6 +252,11 @@ class TrainOptions(Options):
                     f"loss.{option}: expected {len(loss.terms)} number(s) for model={model.name} "
                     f"({', '.join(loss.terms)}), got {len(given)}: {given}"
                 )
+        if len(self.protocol) > 1 or self.one_protocol[1].resolution == "native":
+            raise ValueError(
+                "protocol: train.py scores under one protocol, at the network's resolution; "
+                f"got {', '.join(self.protocol)}; evaluate.py scores under any"
+            )
         if self.task.name == "adversarial":
             self._adversarial_fits()
         if not any(loss.lambdas):
@@ -249,6 +264,11 @@ class TrainOptions(Options):
         if "normals" in loss.terms and self.data.normals == "none":
             raise ValueError("data.normals: the loss needs normals, got none; take stored or derived")
         return self
+
+    @property
+    def one_protocol(self) -> tuple[str, ProtocolOptions]:
+        """The protocol that the training scores under, and its name."""
+        return next(iter(self.protocol.items()))
 
     def _adversarial_fits(self) -> None:
         given = self.trainer
@@ -271,7 +291,7 @@ class EvaluateOptions(Options):
         Literal["bts", "col3d_bts_cbam", "col3d_mtl_no_xtc", "col3d_mtl", "newcrfs", "monodepth_fpn"] | None
     )
     max_depth: PositiveFloat
-    protocol: ProtocolOptions
+    protocol: Protocols
     data: DataOptions | None = None
     phantom: PhantomOptions
     output_dir: str | None

@@ -1,33 +1,28 @@
-"""Score a checkpoint, of a training or of the authors' programs, on a part of a split."""
+"""Predict a part of a split once, and score the predictions under any number of protocols."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import torch
+from torch import Tensor
+from torch.utils.data import DataLoader
+
 from col3d.app import build
-from col3d.app.config import DataOptions, EvaluateOptions, PhantomOptions, TrainerOptions, TrainOptions
+from col3d.app.config import EvaluateOptions, ProtocolOptions, TrainerOptions
 from col3d.app.errors import check_options
 from col3d.app.results import Results, facts_of
+from col3d.app.subject import Subject, subject_of
 from col3d.app.train import check_accelerator, make_trainer, quiet
-from col3d.checks import UserError
-from col3d.models.published import load_published, read_weights
-from col3d.tasks import SupervisedTask
-
-
-@dataclass(frozen=True)
-class Subject:
-    """What is scored, on which data."""
-
-    task: SupervisedTask
-    name: str
-    seed: int
-    data: DataOptions
-    phantom: PhantomOptions
+from col3d.batch import Batch, Prediction
+from col3d.callbacks import SavePredictions
+from col3d.data.c3vd import C3VD
+from col3d.data.datamodule import FrameDataModule
+from col3d.reports.predictions import StoredPredictions, read_facts
 
 
 def evaluate(given: Mapping[str, Any]) -> None:
-    """Rebuild network and data, and write the tables of one part of the split.
+    """Rebuild network and data, and write the tables of one part of the split, for each protocol.
 
     Args:
         given: the composed configuration as plain values; see `EvaluateOptions`.
@@ -38,70 +33,81 @@ def evaluate(given: Mapping[str, Any]) -> None:
     quiet()
     options = check_options(EvaluateOptions, given)
     check_accelerator(options.accelerator)
-    path = Path(options.checkpoint)
-    subject = _published(path, options) if options.published else _trained(path, options)
-    folder = Path(options.output_dir) if options.output_dir else _beside(path, options)
-    data = build.data_module(subject.data, subject.phantom, subject.seed, [options.split])
-    lengths = data.lengths()
-    data.frames["test"] = data.frames[options.split]
-    folder.mkdir(parents=True, exist_ok=True)
-    facts = facts_of(subject.name, subject.seed, subject.data, options.split, options.protocol.name)
-    results = Results(facts, folder, subject.data.split.name, lengths, options.panels)
-    trainer = make_trainer(_machine(options), results.callbacks, [])
-    trainer.test(subject.task, datamodule=data, verbose=False)
-    results.write(subject.task, path, {})
+    subject = subject_of(options)
+    frames = build.frame_sets(subject.data, subject.phantom, [options.split])[options.split]
+    for name, protocol in options.protocol.items():
+        stored = _predicted(subject, frames, protocol.mirror, options)
+        facts = facts_of(subject.name, subject.seed, subject.data, options.split, name)
+        folder, lengths = _folder(options, name), {str(options.split): len(frames)}
+        split_name = subject.data.split.name
+        results = Results(facts, folder, split_name, lengths, options.panels, protocol.average)
+        _score(stored, frames, name, protocol, subject, results)
+        results.write(subject.task, Path(options.checkpoint), {})
 
 
-def _trained(path: Path, options: EvaluateOptions) -> Subject:
-    """A training's checkpoint, on the data it was trained with or on others."""
-    checkpoint = _read(path)
-    trained = _trained_options(checkpoint, path)
-    model = trained.model.model_copy(update={"pretrained": None})
-    task = build.task(trained.model_copy(update={"model": model, "protocol": options.protocol}))
-    build.fill(task, checkpoint, path)
-    data = _as_asked(options.data or trained.data, options)
-    phantom = trained.phantom if options.data is None else options.phantom
-    return Subject(task, trained.model.name, trained.seed, data, phantom)
+def _predicted(
+    subject: Subject, frames: C3VD, mirror: str | None, options: EvaluateOptions
+) -> StoredPredictions:
+    """The predictions for these frames, as an earlier evaluation left them or made now."""
+    folder = _run(options) / _name("predictions", options, mirror)
+    facts = _facts(subject, frames, mirror, options)
+    if read_facts(folder) != facts:
+        subject.task.mirror = mirror
+        resized = build.resized(frames, subject.data, subject.phantom)
+        data = FrameDataModule({"test": resized}, subject.data.batch_size, subject.data.workers)
+        trainer = make_trainer(_machine(options), [SavePredictions(folder, facts)], [])
+        trainer.test(subject.task, datamodule=data, verbose=False)
+    else:
+        print(f"predictions of before: {folder}", flush=True)
+    return StoredPredictions(folder)
 
 
-def _published(path: Path, options: EvaluateOptions) -> Subject:
-    """A checkpoint of the authors, as it is."""
-    assert options.published is not None
-    if options.data is None:
-        raise UserError("data: published weights do not say what to score them on; take data=c3vd or phantom")
-    try:
-        network = load_published(options.published, _read(path), options.max_depth)
-    except ValueError as error:
-        raise UserError(str(error).replace("state_dict:", f"checkpoint: {path}", 1)) from None
-    task = SupervisedTask(network, mirror=options.protocol.mirror)
-    return Subject(task, options.published, 0, _as_asked(options.data, options), options.phantom)
+def _facts(subject: Subject, frames: C3VD, mirror: str | None, options: EvaluateOptions) -> dict[str, Any]:
+    """What predictions are of: others are made when any of it differs."""
+    file = Path(options.checkpoint).stat()
+    data = subject.data
+    return {
+        "max_depth": subject.max_depth,
+        "checkpoint": [options.checkpoint, file.st_size, file.st_mtime_ns],
+        "data": [data.name, str(Path(data.root).absolute()), data.release, data.size],
+        "split": [options.split, list(getattr(data.split, options.split)), len(frames)],
+        "mirror": mirror,
+    }
 
 
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        return read_weights(path)
-    except ValueError as error:
-        raise UserError(str(error)) from None
+def _score(
+    stored: StoredPredictions,
+    frames: C3VD,
+    name: str,
+    options: ProtocolOptions,
+    subject: Subject,
+    results: Results,
+) -> None:
+    """Fill the results, frame by frame."""
+    native = options.resolution == "native"
+    truth = frames if native else build.resized(frames, subject.data, subject.phantom, options.truth)
+    protocol, mean = build.protocol(name, options), subject.task.mean_depth
+    results.panels.choose(len(frames))
+    for batch in DataLoader(truth, batch_size=1, num_workers=subject.data.workers):
+        prediction = _read(stored, batch)
+        values = protocol.score(prediction, batch)
+        baseline = {} if mean is None else protocol.score({"depth": mean.expand_as(batch["depth"])}, batch)
+        results.table.add(batch, values, baseline)
+        if not native:
+            results.panels.draw(batch, prediction, values)
+    results.table.save()
 
 
-def _trained_options(checkpoint: Mapping[str, Any], path: Path) -> TrainOptions:
-    """The options that a checkpoint was trained with."""
-    try:
-        given = dict(checkpoint["hyper_parameters"]["options"])
-    except (KeyError, TypeError, ValueError):
-        raise UserError(
-            f"checkpoint: {path} is not a checkpoint written by train.py; "
-            "for the authors' weights say published=<whose>"
-        ) from None
-    try:
-        return check_options(TrainOptions, given)
-    except UserError as error:
-        raise UserError(f"checkpoint: {path} was trained with options of another version: {error}") from None
+def _read(stored: StoredPredictions, batch: Batch) -> Prediction:
+    depth, normals = stored.read(batch["video"][0], int(batch["frame"][0]))
 
+    def as_batch(values: Any) -> Tensor:
+        return torch.from_numpy(values).movedim(-1, 0)[None]
 
-def _as_asked(data: DataOptions, options: EvaluateOptions) -> DataOptions:
-    asked = {name: getattr(options, name) for name in ("root", "batch_size", "workers")}
-    return data.model_copy(update={name: value for name, value in asked.items() if value is not None})
+    prediction: Prediction = {"depth": as_batch(depth[..., None])}
+    if normals is not None:
+        prediction["normals"] = as_batch(normals)
+    return prediction
 
 
 def _machine(options: EvaluateOptions) -> TrainerOptions:
@@ -119,9 +125,22 @@ def _machine(options: EvaluateOptions) -> TrainerOptions:
     )
 
 
-def _beside(checkpoint: Path, options: EvaluateOptions) -> Path:
-    """A folder of the run that the checkpoint belongs to, named for what is scored and how."""
-    run = checkpoint.parent.parent if checkpoint.parent.name == "checkpoints" else checkpoint.parent
-    protocol = None if options.protocol.name == "house" else options.protocol.name
-    whose = None if options.published is None else f"{options.published}_{checkpoint.stem}"
-    return run / "_".join(filter(None, ("evaluation", whose, options.split, protocol)))
+def _folder(options: EvaluateOptions, protocol: str) -> Path:
+    """Where the tables of a protocol go."""
+    if options.output_dir is None:
+        return _run(options) / _name("evaluation", options, None if protocol == "house" else protocol)
+    folder = Path(options.output_dir)
+    return folder if len(options.protocol) == 1 else folder / protocol
+
+
+def _run(options: EvaluateOptions) -> Path:
+    """The folder of the run that the checkpoint belongs to."""
+    folder = Path(options.checkpoint).parent
+    return folder.parent if folder.name == "checkpoints" else folder
+
+
+def _name(kind: str, options: EvaluateOptions, variant: str | None) -> str:
+    """A folder's name: what it holds, whose weights, which part, and the protocol or mirroring."""
+    stem = Path(options.checkpoint).stem
+    whose = f"{options.published}_{stem}" if options.published else None if stem == "best" else stem
+    return "_".join(part for part in (kind, whose, options.split, variant) if part)

@@ -35,12 +35,19 @@ class Results:
         split_name: which split the part belongs to.
         frames: number of frames of each part.
         panels: how many pictures.
+        average: what weighs the same in the means: frame, video or pixel.
     """
 
     def __init__(
-        self, facts: Facts, folder: Path, split_name: str, frames: Mapping[str, int], panels: int
+        self,
+        facts: Facts,
+        folder: Path,
+        split_name: str,
+        frames: Mapping[str, int],
+        panels: int,
+        average: str = "frame",
     ) -> None:
-        self.folder, self.facts = folder, facts
+        self.folder, self.facts, self.average = folder, facts, average
         self.context = {"split_name": split_name, "frames_by_split": dict(frames)}
         self.table = PerFrameTable(folder / "per_frame.csv", self.facts, describe)
         self.panels = ImagePanels(folder / "panels", panels)
@@ -59,11 +66,11 @@ class Results:
             **self.context,
             "checkpoint": str(checkpoint),
             "best": dict(best),
-            "baseline": means(self.table.baseline),
+            "baseline": means(self.table.baseline, self.average),
             "parameters": sum(p.numel() for p in task.get_submodule("network").parameters()),
             "versions": {name: version(name) for name in VERSIONS},
         }
-        summary = summarise(self.table.rows, facts)
+        summary = summarise(self.table.rows, facts, self.average)
         for logger in loggers:
             logger.log_metrics({f"test/{name}": value for name, value in summary["metrics"].items()})
             logger.save()

@@ -56,7 +56,8 @@ def train(given: Mapping[str, Any]) -> float:
         print(f"finished before: {folder.path}; overwrite=true trains again")
         return float(folder.finished["best"][WATCHED])
     seed_everything(options.seed, workers=True, verbose=False)
-    data = build.data_module(options.data, options.phantom, options.seed)
+    truth = options.one_protocol[1].truth
+    data = build.data_module(options.data, options.phantom, options.seed, test_truth=truth)
     task = build.task(options)
     folder.begin()
     with wandb_run(options, folder.path) as loggers:
@@ -78,8 +79,16 @@ def _fit_and_test(
         save_last=True,
         enable_version_counter=False,
     )
-    facts = facts_of(options.model.name, options.seed, options.data, "test", options.protocol.name)
-    results = Results(facts, folder.path, options.data.split.name, data.lengths(), options.callbacks.panels)
+    name, protocol = options.one_protocol
+    facts = facts_of(options.model.name, options.seed, options.data, "test", name)
+    results = Results(
+        facts,
+        folder.path,
+        options.data.split.name,
+        data.lengths(),
+        options.callbacks.panels,
+        protocol.average,
+    )
     adversarial = options.task.name == "adversarial"
     trainer = make_trainer(
         options.trainer, [best, *_watchers(), *results.callbacks], loggers, adversarial=adversarial

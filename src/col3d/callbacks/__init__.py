@@ -4,5 +4,6 @@ from col3d.callbacks.epoch_lines import EpochLines
 from col3d.callbacks.finite_loss import FiniteLoss
 from col3d.callbacks.panels import ImagePanels
 from col3d.callbacks.per_frame import PerFrameTable
+from col3d.callbacks.save_predictions import SavePredictions
 
-__all__ = ["EpochLines", "FiniteLoss", "ImagePanels", "PerFrameTable"]
+__all__ = ["EpochLines", "FiniteLoss", "ImagePanels", "PerFrameTable", "SavePredictions"]

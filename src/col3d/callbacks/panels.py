@@ -1,5 +1,6 @@
 """Pictures of a few test frames."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -7,6 +8,7 @@ import numpy as np
 from lightning import Callback, LightningModule, Trainer
 from torch import Tensor
 
+from col3d.batch import Batch, Prediction
 from col3d.geometry import angle_between
 from col3d.reports.panel import save_panel
 
@@ -25,11 +27,15 @@ class ImagePanels(Callback):
 
     def on_test_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Choose the frames."""
-        self.paths, self.seen = [], 0
         frames = len(trainer.datamodule.frames["test"])  # type: ignore[attr-defined]
+        self.choose(frames, trainer.global_rank, trainer.world_size)
+
+    def choose(self, frames: int, rank: int = 0, world_size: int = 1) -> None:
+        """Choose frames of so many; this process sees every `world_size`-th, from `rank` on."""
+        self.paths, self.seen = [], 0
+        self.rank, self.world_size = rank, world_size
         self.chosen = set(np.linspace(0, frames - 1, min(self.count, frames)).round().astype(int).tolist())
-        if trainer.is_global_zero:
-            self.folder.mkdir(parents=True, exist_ok=True)
+        self.folder.mkdir(parents=True, exist_ok=True)
 
     def on_test_batch_end(
         self,
@@ -41,16 +47,19 @@ class ImagePanels(Callback):
         dataloader_idx: int = 0,
     ) -> None:
         """Draw the chosen frames of a batch; each process draws its own."""
+        self.draw(batch, outputs["prediction"], outputs["values"])
+
+    def draw(self, batch: Batch, prediction: Prediction, values: Mapping[str, Tensor]) -> None:
+        """Draw the chosen frames of a batch, which follows those drawn before."""
         for i, video in enumerate(batch["video"]):
-            position = (self.seen + i) * trainer.world_size + trainer.global_rank
-            if position in self.chosen:
+            if (self.seen + i) * self.world_size + self.rank in self.chosen:
                 number = int(batch["frame"][i])
                 path = self.folder / f"{video}_{number:04d}.png"
-                errors = {name: values[i].item() for name, values in outputs["values"].items()}
+                errors = {name: of_frames[i].item() for name, of_frames in values.items()}
                 title = f"{video}, frame {number}: abs_rel {errors['abs_rel']:.3f}"
                 if "angle_mean" in errors:
                     title += f", mean angle {errors['angle_mean']:.1f} degrees"
-                save_panel(path, _maps(batch, outputs["prediction"], i), title)
+                save_panel(path, _maps(batch, prediction, i), title)
                 self.paths.append(path)
         self.seen += len(batch["video"])
 

@@ -7,7 +7,9 @@ from typing import Any
 
 import torch
 from lightning import Callback, LightningModule, Trainer
+from torch import Tensor
 
+from col3d.batch import Batch
 from col3d.reports.per_frame import write_per_frame
 
 Row = dict[str, str | int | float]
@@ -43,11 +45,15 @@ class PerFrameTable(Callback):
         dataloader_idx: int = 0,
     ) -> None:
         """Add the frames of a batch."""
-        valid = batch["mask"].flatten(1).any(dim=1).tolist()
+        self.add(batch, outputs["values"], outputs["baseline"])
+
+    def add(self, batch: Batch, scored: Mapping[str, Tensor], scored_baseline: Mapping[str, Tensor]) -> None:
+        """Add the frames of a batch by the metrics of each, and those of the baseline."""
         values, baseline = (
-            {name: of_frames.tolist() for name, of_frames in outputs[key].items()}
-            for key in ("values", "baseline")
+            {name: of_frames.tolist() for name, of_frames in of_batch.items()}
+            for of_batch in (scored, scored_baseline)
         )
+        valid = batch["mask"].flatten(1).any(dim=1).tolist()
         for i, (video, frame) in enumerate(zip(batch["video"], batch["frame"].tolist(), strict=True)):
             segment, texture = self.describe(video)
             where = {**self.facts, "video": video, "segment": segment, "texture": texture, "frame": frame}
@@ -63,7 +69,12 @@ class PerFrameTable(Callback):
         for rows in (self.rows, self.baseline):
             rows.sort(key=lambda row: (row["video"], row["frame"]))
         if trainer.is_global_zero:
-            write_per_frame(self.path, self.rows)
+            self.save()
+
+    def save(self) -> None:
+        """Write the table as it is."""
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        write_per_frame(self.path, self.rows)
 
 
 def _values(values: Mapping[str, list[float]], index: int, valid: bool) -> Row:

@@ -34,20 +34,26 @@ class Resize:
     size_hw: tuple[int, int]
     camera: Camera
     """Camera of the items before."""
+    truth: str = "clean"
+    """"clean" as above; "mixed" as published programs score: between all four pixels, zeros of unknown ones
+    included, and known wherever the mean depth is above 0."""
 
     def __call__(self, item: dict[str, Any]) -> dict[str, Any]:
         """The resized item."""
         image = interpolate(item["image"][None], self.size_hw, mode="bilinear", antialias=True)[0]
-        mask = self._read_off(item["mask"].float()) > WHOLE
+        depth = self._read_off(item["depth"])
+        mask = depth > 0 if self.truth == "mixed" else self._read_off(item["mask"].float()) > WHOLE
         moved = {
             **item,
             "image": image.clamp(0, 1),
             "mask": mask,
-            "depth": torch.where(mask, self._read_off(item["depth"]), 0.0),
+            "depth": torch.where(mask, depth, 0.0),
             "rays": self.camera.resized(self.size_hw).rays(),
         }
         if "normals" in item:
-            moved["normals"] = torch.where(mask, unit(self._read_off(item["normals"])), 0.0)
+            between = self._read_off(item["normals"])
+            between = between if self.truth == "mixed" else unit(between)
+            moved["normals"] = torch.where(mask, between, 0.0)
         return moved
 
     def _read_off(self, values: Tensor) -> Tensor:

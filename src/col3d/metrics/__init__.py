@@ -3,5 +3,6 @@
 from col3d.metrics.depth import DepthMetrics
 from col3d.metrics.frame_mean import FrameMean
 from col3d.metrics.normals import NormalMetrics
+from col3d.metrics.protocol import Protocol
 
-__all__ = ["DepthMetrics", "FrameMean", "NormalMetrics"]
+__all__ = ["DepthMetrics", "FrameMean", "NormalMetrics", "Protocol"]

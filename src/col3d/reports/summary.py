@@ -34,10 +34,19 @@ LOG_WIDTH = 120
 ALL_FRAMES, BASELINE = "all frames", "mean training depth"
 
 
-def summarise(rows: Sequence[Row], facts: Mapping[str, Any]) -> dict[str, Any]:
+def summarise(rows: Sequence[Row], facts: Mapping[str, Any], average: str = "frame") -> dict[str, Any]:
     """Means over all frames and by video, beside facts about the run."""
-    videos = {name: {"frames": len(of_it), **means(of_it)} for name, of_it in by_video(rows).items()}
-    return {**facts, "frames": len(rows), "metrics": means(rows), "videos": videos}
+    videos = {
+        name: {"frames": len(of_it), **means(of_it, "pixel" if average == "pixel" else "frame")}
+        for name, of_it in by_video(rows).items()
+    }
+    return {
+        **facts,
+        "average": average,
+        "frames": len(rows),
+        "metrics": means(rows, average),
+        "videos": videos,
+    }
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:

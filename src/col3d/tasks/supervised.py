@@ -10,8 +10,7 @@ from torch import Tensor, nn
 from torchmetrics import MeanMetric
 
 from col3d.batch import Batch, Prediction
-from col3d.metrics import DepthMetrics, FrameMean, NormalMetrics
-from col3d.metrics.functional import depth_metrics, normal_metrics
+from col3d.metrics import DepthMetrics, FrameMean, NormalMetrics, Protocol
 from col3d.tasks.mirror import mirror_average
 from col3d.tasks.optimisation import OptimizerFactory, SchedulerFactory
 
@@ -35,6 +34,7 @@ class SupervisedTask(LightningModule):
         optimizer: network -> optimiser.
         scheduler: (optimiser, steps, epochs of the training) -> learning-rate schedule, stepped each batch.
         options: plain options that built all this, kept in the checkpoint.
+        protocol: how a test scores; the house's when absent.
         mirror: how a test averages the prediction with that of the mirrored frame: "mean", "ramp" or None.
         seed: what random layers draw from, anew in each step, so that a training that was cut off and goes
             on draws what it would have drawn.
@@ -50,6 +50,7 @@ class SupervisedTask(LightningModule):
         optimizer: OptimizerFactory | None = None,
         scheduler: SchedulerFactory | None = None,
         options: Mapping[str, Any] | None = None,
+        protocol: Protocol | None = None,
         mirror: str | None = None,
         seed: int = 0,
     ) -> None:
@@ -57,7 +58,7 @@ class SupervisedTask(LightningModule):
         self.save_hyperparameters({"options": dict(options or {})}, logger=False)
         self.network, self.loss = network, loss
         self.optimizer, self.scheduler = optimizer, scheduler
-        self.mirror, self.seed = mirror, seed
+        self.protocol, self.mirror, self.seed = protocol or Protocol(), mirror, seed
         self.val_metrics: dict[str, FrameMean] = nn.ModuleDict({"depth": DepthMetrics()})  # type: ignore[assignment]
         if "normals" in getattr(network, "tasks", ()):
             self.val_metrics["normals"] = NormalMetrics()
@@ -133,15 +134,17 @@ class SupervisedTask(LightningModule):
     def test_step(self, batch: Batch, batch_idx: int) -> Scored:
         """Prediction and the metrics of each frame."""
         prediction = self._tested(batch)
-        mask = batch["mask"]
-        values = depth_metrics(prediction["depth"], batch["depth"], mask)
-        if "normals" in prediction and "normals" in batch:
-            values |= normal_metrics(prediction["normals"], batch["normals"], mask)
-        baseline = {}
-        if self.depth_seen[1] > 0:
-            mean = (self.depth_seen[0] / self.depth_seen[1]).to(batch["depth"])
-            baseline = depth_metrics(mean.expand_as(batch["depth"]), batch["depth"], mask)
+        values, baseline = self.protocol.score(prediction, batch), {}
+        mean = self.mean_depth
+        if mean is not None:
+            baseline = self.protocol.score({"depth": mean.expand_as(batch["depth"])}, batch)
         return {"prediction": prediction, "values": values, "baseline": baseline}
+
+    @property
+    def mean_depth(self) -> Tensor | None:
+        """The mean depth of the training frames in mm; None before any training."""
+        total, pixels = self.depth_seen
+        return (total / pixels).float() if pixels > 0 else None
 
     def _tested(self, batch: Batch) -> Prediction:
         if self.mirror is None:

@@ -59,3 +59,16 @@ def depth_metrics(
         "silog": 100 * (squared_log - mean(log_ratio).square()).clamp_min(0).sqrt(),
         **{f"delta{k}": mean((worst < DELTA**k).double()) for k in (1, 2, 3)},
     }
+
+
+def delta_share(
+    preds: Float[Tensor, "b 1 h w"],
+    target: Float[Tensor, "b 1 h w"],
+    mask: Bool[Tensor, "b 1 h w"],
+    threshold: float = DELTA,
+) -> Float[Tensor, " b"]:
+    """Share of the counting pixels with max(p / t, t / p) below a threshold, one value a frame."""
+    check_maps(preds, target, mask)
+    ratio = torch.where(mask, preds, 1.0).double() / torch.where(mask, target, 1.0).double()
+    close = mask & (torch.maximum(ratio, 1 / ratio) < threshold)
+    return close.sum(dim=(1, 2, 3), dtype=torch.float64) / mask.sum(dim=(1, 2, 3), dtype=torch.float64)

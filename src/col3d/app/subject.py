@@ -1,0 +1,87 @@
+"""What an evaluation scores: a network with its weights, and the data to score it on."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from col3d.app import build
+from col3d.app.config import DataOptions, EvaluateOptions, PhantomOptions, TrainOptions
+from col3d.app.errors import check_options
+from col3d.checks import UserError
+from col3d.models.published import load_published, read_weights
+from col3d.tasks import SupervisedTask
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A network, ready to be tested, and its data."""
+
+    task: SupervisedTask
+    name: str
+    seed: int
+    max_depth: float
+    data: DataOptions
+    phantom: PhantomOptions
+
+
+def subject_of(options: EvaluateOptions) -> Subject:
+    """The network of a checkpoint, of a training or of the authors, and the data that are asked for.
+
+    Raises:
+        UserError: the checkpoint is none of those, or the data are not said.
+    """
+    path = Path(options.checkpoint)
+    return _published(path, options) if options.published else _trained(path, options)
+
+
+def _trained(path: Path, options: EvaluateOptions) -> Subject:
+    """A training's checkpoint, on the data it was trained with or on others."""
+    checkpoint = _read(path)
+    trained = _trained_options(checkpoint, path)
+    model = trained.model.model_copy(update={"pretrained": None})
+    task = build.task(trained.model_copy(update={"model": model}))
+    build.fill(task, checkpoint, path)
+    data = _as_asked(options.data or trained.data, options)
+    phantom = trained.phantom if options.data is None else options.phantom
+    return Subject(task, model.name, trained.seed, model.max_depth, data, phantom)
+
+
+def _published(path: Path, options: EvaluateOptions) -> Subject:
+    """A checkpoint of the authors, as it is."""
+    assert options.published is not None
+    if options.data is None:
+        raise UserError("data: published weights do not say what to score them on; take data=c3vd or phantom")
+    try:
+        network = load_published(options.published, _read(path), options.max_depth)
+    except ValueError as error:
+        raise UserError(str(error).replace("state_dict:", f"checkpoint: {path}", 1)) from None
+    data = _as_asked(options.data, options)
+    return Subject(SupervisedTask(network), options.published, 0, options.max_depth, data, options.phantom)
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        return read_weights(path)
+    except ValueError as error:
+        raise UserError(str(error)) from None
+
+
+def _trained_options(checkpoint: Mapping[str, Any], path: Path) -> TrainOptions:
+    """The options that a checkpoint was trained with."""
+    try:
+        given = dict(checkpoint["hyper_parameters"]["options"])
+    except (KeyError, TypeError, ValueError):
+        raise UserError(
+            f"checkpoint: {path} is not a checkpoint written by train.py; "
+            "for the authors' weights say published=<whose>"
+        ) from None
+    try:
+        return check_options(TrainOptions, given)
+    except UserError as error:
+        raise UserError(f"checkpoint: {path} was trained with options of another version: {error}") from None
+
+
+def _as_asked(data: DataOptions, options: EvaluateOptions) -> DataOptions:
+    asked = {name: getattr(options, name) for name in ("root", "batch_size", "workers")}
+    return data.model_copy(update={name: value for name, value in asked.items() if value is not None})
