@@ -5,11 +5,12 @@ from typing import Any
 import pytest
 import torch
 from torch import Tensor
+from torch.nn.functional import interpolate
 from torch.utils.data import default_collate
 
 from col3d.batch import Batch
-from col3d.data.transforms import Augment, Resize, flip, jitter, rotate
-from col3d.geometry import OmnidirectionalCamera, angle_between, normals_from_depth
+from col3d.data.transforms import Augment, Resize, crop, flip, jitter, rotate
+from col3d.geometry import Camera, OmnidirectionalCamera, angle_between, normals_from_depth
 
 MAPS = ("image", "depth", "normals", "mask", "rays")
 
@@ -18,6 +19,20 @@ def batch_of(item: dict[str, Any], count: int = 2) -> Batch:
     frames = [{**item, "frame": number} for number in range(count)]
     batch: Batch = default_collate([{k: v for k, v in f.items() if k != "camera"} for f in frames])
     return batch
+
+
+def sphere_batch(look: Any, camera: Camera, count: int = 1) -> Batch:
+    """The sphere as one camera sees it, in each of the frames."""
+    depth, normals, mask = look("sphere", camera.rays())
+    maps = {
+        "image": torch.rand(1, 3, *camera.size_hw, generator=torch.Generator().manual_seed(0)),
+        "depth": torch.where(mask, depth, 0.0).float(),
+        "normals": torch.where(mask, normals, 0.0).float(),
+        "mask": mask,
+        "rays": camera.rays()[None],
+    }
+    frames: Any = {key: values.expand(count, -1, -1, -1).clone() for key, values in maps.items()}
+    return {**frames, "video": ["a"] * count, "frame": torch.arange(count)}
 
 
 def derived_error(batch: Batch) -> Tensor:
@@ -155,17 +170,7 @@ def test_each_frame_turns_by_its_own_angle(item: dict[str, Any]) -> None:
 @pytest.mark.parametrize("degrees", [1.0, 15.0, -35.0, 90.0])
 def test_the_scene_turns_rigidly(look: Any, size_hw: tuple[int, int], degrees: float) -> None:
     """Normals that are turned are those of the turned depth, whatever the shape of the pixels."""
-    camera = OmnidirectionalCamera.c3vd().resized(size_hw)
-    depth, normals, mask = look("sphere", camera.rays())
-    batch: Batch = {
-        "image": torch.rand(1, 3, *size_hw),
-        "depth": torch.where(mask, depth, 0.0).float(),
-        "normals": torch.where(mask, normals, 0.0).float(),
-        "mask": mask,
-        "rays": camera.rays()[None].clone(),
-        "video": ["a"],
-        "frame": torch.tensor([0]),
-    }
+    batch = sphere_batch(look, OmnidirectionalCamera.c3vd().resized(size_hw))
     found = rotate(batch, torch.tensor([degrees]))
     assert found["mask"].float().mean() > 0.3
     errors = derived_error(found)
@@ -214,6 +219,69 @@ def test_nothing_from_outside_counts(item: dict[str, Any]) -> None:
     )
 
 
+# cropping
+
+
+CORNERS = torch.tensor([[0.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0]])
+WINDOWS = ((0, 0), (0, 70), (50, 0), (50, 70))
+"""Top and left of the half as large window in each corner of 100 x 140 pixels."""
+
+
+@pytest.fixture
+def wide(look: Any) -> Batch:
+    return sphere_batch(look, OmnidirectionalCamera.c3vd().resized((100, 140)), count=4)
+
+
+def test_the_whole_frame_is_cropped_to_itself(wide: Batch) -> None:
+    found = crop(wide, 1.0, CORNERS)
+    assert torch.equal(found["mask"], wide["mask"])
+    for key in ("image", "depth", "normals", "rays"):
+        torch.testing.assert_close(found[key], wide[key], atol=1e-4, rtol=1e-5)  # type: ignore[literal-required]
+
+
+def test_cropped_rays_and_images_are_those_of_the_cropped_camera(wide: Batch) -> None:
+    found = crop(wide, 0.5, CORNERS)
+    inside = (..., slice(1, -1), slice(1, -1))  # pixels at the frame's border lie between it and nothing
+    for i, (top, left) in enumerate(WINDOWS):
+        camera = OmnidirectionalCamera.c3vd().resized((100, 140)).cropped(top, left, 50, 70)
+        apart = angle_between(found["rays"][i], camera.resized((100, 140)).rays())
+        assert apart[inside].max() < 0.01
+        assert apart.max() < 0.8  # up to half a pixel of 1 degree
+        window = wide["image"][i : i + 1, :, top : top + 50, left : left + 70]
+        enlarged = interpolate(window, (100, 140), mode="bilinear")[0]
+        torch.testing.assert_close(found["image"][i][inside], enlarged[inside], atol=1e-4, rtol=0)
+
+
+@pytest.mark.parametrize("share", [0.9, 0.5, 0.3])
+def test_the_scene_stays_where_it_is_when_cropped(wide: Batch, look: Any, share: float) -> None:
+    """Neither depth nor a normal changes, so that normals that are cropped are those of the cropped depth."""
+    found = crop(wide, share, torch.tensor([[0.0, 0.1], [0.2, 1.0], [0.5, 0.5], [0.9, 0.6]]))
+    assert (found["mask"].float().mean(dim=(1, 2, 3)) > 0.3).all()
+    errors = derived_error(found)
+    assert errors.median() < 0.3
+    assert errors.quantile(0.95) < 2
+    for i in range(4):
+        depth, normals, _ = look("sphere", found["rays"][i])
+        known = found["mask"][i]
+        torch.testing.assert_close(found["depth"][i][known], depth[0][known].float(), atol=0.1, rtol=0)
+        assert angle_between(found["normals"][i], normals[0].float())[known].max() < 0.5
+
+
+def test_nothing_unknown_counts_in_a_crop(wide: Batch) -> None:
+    unknown = torch.zeros(4, 1, 100, 140, dtype=torch.bool)
+    unknown[..., 20:30, 20:30] = True
+    wide["mask"], wide["depth"] = ~unknown, torch.where(unknown, 999.0, 50.0)
+    found = crop(wide, 0.5, CORNERS)
+    known = found["mask"]
+    torch.testing.assert_close(found["depth"][known], torch.full_like(found["depth"][known], 50.0))
+    assert (found["depth"][~known] == 0).all()
+    assert (found["normals"][~known.expand(-1, 3, -1, -1)] == 0).all()
+    hole = torch.zeros(100, 140, dtype=torch.bool)
+    hole[39:61, 39:61] = True  # the unknown pixels twice as large, and those that are read from one of them
+    hole[0], hole[:, 0] = True, True  # half of these is read from outside the frame
+    assert torch.equal(~known[0, 0], hole)
+
+
 # photometry
 
 
@@ -230,29 +298,35 @@ def test_jitter_keeps_the_range_and_order() -> None:
 
 
 FULL = Augment(rotation=10.0, flip=0.5, jitter=0.5)
+CROP = Augment(rotation=0.0, crop=0.8)
+each = pytest.mark.parametrize("augment", [FULL, CROP])
 
 
-def test_draws_depend_on_the_frame_and_not_on_its_batch(item: dict[str, Any]) -> None:
+@each
+def test_draws_depend_on_the_frame_and_not_on_its_batch(item: dict[str, Any], augment: Augment) -> None:
     batch = batch_of(item, 6)
-    together = FULL(batch, seed=1, epoch=2)
+    together = augment(batch, seed=1, epoch=2)
     for i in (5, 0, 3):
         single: Any = {k: v[i : i + 1] for k, v in batch.items()}  # type: ignore[index]
-        alone = FULL(single, seed=1, epoch=2)
+        alone = augment(single, seed=1, epoch=2)
         for key in ("image", "rays"):
             torch.testing.assert_close(alone[key][0], together[key][i], atol=1e-3, rtol=1e-4)  # type: ignore[literal-required]
         assert (alone["mask"][0] == together["mask"][i]).float().mean() > 0.99
 
 
-def test_draws_are_reproducible_and_differ_by_seed_epoch_frame_and_video(item: dict[str, Any]) -> None:
+@each
+def test_draws_are_reproducible_and_differ_by_seed_epoch_frame_and_video(
+    item: dict[str, Any], augment: Augment
+) -> None:
     batch = batch_of(item, 4)
     torch.manual_seed(0)
-    first = FULL(batch, seed=1, epoch=2)
+    first = augment(batch, seed=1, epoch=2)
     torch.manual_seed(99)
-    again = FULL(batch, seed=1, epoch=2)
+    again = augment(batch, seed=1, epoch=2)
     for key in MAPS:
         assert torch.equal(first[key], again[key])  # type: ignore[literal-required]
     other_video: Any = batch | {"video": ["desc_t4_a"] * 4}
-    for other in (FULL(batch, 2, 2), FULL(batch, 1, 3), FULL(other_video, 1, 2)):
+    for other in (augment(batch, 2, 2), augment(batch, 1, 3), augment(other_video, 1, 2)):
         assert all(not torch.equal(first["rays"][i], other["rays"][i]) for i in range(4))
     assert not torch.equal(first["rays"][0], first["rays"][1])
 
@@ -281,6 +355,16 @@ def test_defaults_turn_by_a_degree_at_most_and_do_nothing_else(item: dict[str, A
     assert draws.max() < 1
     assert draws[:, 1].min() < 0.2
     assert draws[:, 1].max() > 0.8
+
+
+def test_windows_are_anywhere_in_the_frame(item: dict[str, Any]) -> None:
+    batch = batch_of(item, 30)
+    found = CROP(batch, 0, 0)
+    draws = Augment._draws(batch, 0, 0)[:, 8:]
+    assert torch.equal(found["image"], crop(batch, 0.8, draws)["image"])
+    assert draws.shape == (30, 2)
+    assert (draws.amin(dim=0) < 0.2).all()
+    assert (draws.amax(dim=0) > 0.8).all()
 
 
 def test_nothing_to_do(item: dict[str, Any]) -> None:
