@@ -4,13 +4,15 @@ import hashlib
 import os
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from hydra import compose, initialize_config_dir
 from hydra import main as hydra_main
+from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.hydra_config import HydraConfig
+from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
@@ -22,6 +24,8 @@ CONF = Path(__file__).parent / "conf"
 BAD_INPUT = (DataError, UserError, OSError)
 EXIT_CODE = 2
 LONGEST_NAME = 100
+SWEPT = "hydra.sweeper.params"
+MAY_BE_NULL = [(group, "null") for group in ("experiment", "variant", "data")]
 Run = Callable[[dict[str, Any]], Any]
 
 
@@ -67,13 +71,47 @@ def launch(config_name: str, run: Run) -> None:
         _refuse(_explain(error, config_name))
 
 
+def sweep_of(experiment: str, seeds: Sequence[int]) -> list[list[str]]:
+    """The jobs of an experiment that sweeps, each as overrides, with other seeds than its file's.
+
+    Raises:
+        UserError: there is no such experiment, or it sweeps over nothing.
+    """
+    files = {path.stem: path for path in (CONF / "experiment").glob("*.yaml")}
+    sweeping = {name: OmegaConf.select(OmegaConf.load(path), SWEPT) for name, path in files.items()}
+    known = [name for name, params in sorted(sweeping.items()) if params]
+    if experiment not in known:
+        raise UserError(
+            f"experiments: expected some of {', '.join(known)}, got {experiment!r}"
+            f"{nearest_name(experiment, known)}"
+        )
+    params = {**sweeping[experiment], "seed": ",".join(map(str, seeds))}
+    parsed = OverridesParser.create().parse_overrides([f"{name}={value}" for name, value in params.items()])
+    batches = BasicSweeper.split_arguments(parsed, None)
+    return [list(job) for batch in batches for job in batch]
+
+
+def given_overrides(besides: str) -> list[str]:
+    """This program's overrides, but for those of one group of options."""
+    return [text for text in HydraConfig.get().overrides.task if not text.lstrip("+~").startswith(besides)]
+
+
+def composed(config_name: str, overrides: Sequence[str]) -> dict[str, Any]:
+    """A configuration as plain values, inside a program that `launch` runs."""
+    content = OmegaConf.to_container(
+        compose(config_name, list(overrides)), resolve=True, throw_on_missing=True
+    )
+    assert isinstance(content, dict)
+    return {str(key): value for key, value in content.items()}
+
+
 def _check_choices(arguments: list[str]) -> None:
     """Refuse a group that is given a list or nothing: Hydra would take the last of a list without a word."""
     for argument in arguments:
         group, _, choice = argument.partition("=")
         if (CONF / group).is_dir() and group and re.match(r"[\[\d]|(null|none)?$", choice):
             known = sorted(path.stem for path in (CONF / group).glob("*.yaml"))
-            if (group, choice) != ("experiment", "null"):
+            if (group, choice) not in MAY_BE_NULL and not (group == "protocol" and choice.startswith("[")):
                 _refuse(
                     f"{group}: expected one of {', '.join(known)}, got {choice!r}; sweep with -m {group}=a,b"
                 )

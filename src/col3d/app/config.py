@@ -191,6 +191,7 @@ class CallbackOptions(Options):
     """What is written beside the metrics."""
 
     panels: Annotated[int, Field(ge=0)]
+    predictions: bool
 
 
 class LoggerOptions(Options):
@@ -257,6 +258,10 @@ class TrainOptions(Options):
                 "protocol: train.py scores under one protocol, at the network's resolution; "
                 f"got {', '.join(self.protocol)}; evaluate.py scores under any"
             )
+        if self.callbacks.predictions and self.trainer.devices != 1:
+            raise ValueError(
+                f"callbacks.predictions: one process writes them, got trainer.devices={self.trainer.devices}"
+            )
         if self.task.name == "adversarial":
             self._adversarial_fits()
         if not any(loss.lambdas):
@@ -301,6 +306,15 @@ class EvaluateOptions(Options):
     batch_size: PositiveInt | None
     workers: Annotated[int, Field(ge=0)] | None
     accelerator: Literal["auto", "cpu", "gpu", "cuda"]
+
+
+class BenchmarkOptions(Options):
+    """What `benchmark.py` takes beside the options of `train.py`."""
+
+    experiments: Annotated[list[str], Field(min_length=1)]
+    seeds: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=1)]
+    parallel: PositiveInt | None
+    output: str
 
 
 class PrepareOptions(Options):

@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -10,13 +9,11 @@ from lightning import Callback, LightningModule
 from lightning.pytorch.loggers import Logger, WandbLogger
 
 from col3d.app.config import DataOptions
+from col3d.app.provenance import command, commit, versions
 from col3d.callbacks import ImagePanels, PerFrameTable
 from col3d.data.splits import describe
 from col3d.reports.per_frame import means
 from col3d.reports.summary import print_summary, summarise, write_json
-
-VERSIONS = ("col3d", "torch", "lightning", "torchmetrics", "timm", "kornia", "numpy")
-
 
 Facts = dict[str, str | int]
 
@@ -59,6 +56,7 @@ class Results:
         checkpoint: Path,
         best: Mapping[str, float],
         loggers: Sequence[Logger] = (),
+        cost: Mapping[str, Any] | None = None,
     ) -> None:
         """Write summary.json, log to Weights & Biases, and print the table with the paths."""
         facts = {
@@ -68,7 +66,10 @@ class Results:
             "best": dict(best),
             "baseline": means(self.table.baseline, self.average),
             "parameters": sum(p.numel() for p in task.get_submodule("network").parameters()),
-            "versions": {name: version(name) for name in VERSIONS},
+            "cost": None if cost is None else dict(cost),
+            "command": command(),
+            "commit": commit(),
+            "versions": versions(),
         }
         summary = summarise(self.table.rows, facts, self.average)
         for logger in loggers:

@@ -15,11 +15,12 @@ from lightning.pytorch.loggers import Logger
 
 from col3d.app import build
 from col3d.app.config import TrainerOptions, TrainOptions
+from col3d.app.cost import measure_cost
 from col3d.app.errors import check_options
 from col3d.app.results import Results, facts_of
 from col3d.app.run_folder import RunFolder
 from col3d.app.tracking import csv_logger, wandb_run
-from col3d.callbacks import EpochLines, FiniteLoss
+from col3d.callbacks import EpochLines, FiniteLoss, SavePredictions
 from col3d.callbacks.finite_loss import DivergedError
 from col3d.checks import UserError
 from col3d.data.datamodule import FrameDataModule
@@ -89,10 +90,10 @@ def _fit_and_test(
         options.callbacks.panels,
         protocol.average,
     )
+    kept = _kept_predictions(options, folder.path)
     adversarial = options.task.name == "adversarial"
-    trainer = make_trainer(
-        options.trainer, [best, *_watchers(), *results.callbacks], loggers, adversarial=adversarial
-    )
+    callbacks = [best, *_watchers(), *results.callbacks, *kept]
+    trainer = make_trainer(options.trainer, callbacks, loggers, adversarial=adversarial)
     try:
         trainer.fit(task, datamodule=data, ckpt_path=folder.cut_off, weights_only=True)
     except DivergedError as error:
@@ -106,8 +107,17 @@ def _fit_and_test(
     trainer.test(task, datamodule=data, verbose=False)
     score = float(best.best_model_score)
     if trainer.is_global_zero:
-        results.write(task, Path(best.best_model_path), {WATCHED: score, "epoch": epoch}, loggers)
+        height, width = options.data.size
+        cost = measure_cost(task.network, (height, width))
+        results.write(task, Path(best.best_model_path), {WATCHED: score, "epoch": epoch}, loggers, cost)
     return score
+
+
+def _kept_predictions(options: TrainOptions, folder: Path) -> list[Callback]:
+    if not options.callbacks.predictions:
+        return []
+    facts = {"max_depth": options.model.max_depth, "split": "test"}
+    return [SavePredictions(folder / "predictions_test", facts)]
 
 
 def quiet() -> None:

@@ -2,7 +2,9 @@
 
 `<video>.npz` holds for frame n the arrays `<n>_depth` (uint16; 65535 is the largest depth, of `index.json`)
 and, where the network predicts them, `<n>_normals` (int16 (h, w, 3); 32767 is 1). Depth of up to 100 mm is
-exact to 0.001 mm, normals to 0.003 degrees.
+exact to 0.001 mm, normals to 0.003 degrees. The truth of a part of a split is kept in the same way, with the
+images (`<n>_image`, uint8); there, depth 0 and normal (0, 0, 0) are unknown, and `index.json` has `off_axis`,
+the angle in degrees between each pixel's ray and the optical axis.
 """
 
 import json
@@ -32,8 +34,15 @@ class PredictionWriter:
         folder.mkdir(parents=True, exist_ok=True)
         (folder / INDEX).unlink(missing_ok=True)
 
-    def add(self, video: str, frame: int, depth: np.ndarray, normals: np.ndarray | None) -> None:
-        """Append a frame: depth (h, w) in mm, normals (h, w, 3) of unit length."""
+    def add(
+        self,
+        video: str,
+        frame: int,
+        depth: np.ndarray,
+        normals: np.ndarray | None,
+        image: np.ndarray | None = None,
+    ) -> None:
+        """Append a frame: depth (h, w) in mm, normals (h, w, 3) of unit length, image (h, w, 3) in [0, 1]."""
         if video != self.video:
             self._close()
             self.video = video
@@ -43,6 +52,8 @@ class PredictionWriter:
         self._put(f"{frame}_depth", codes.astype(np.uint16))
         if normals is not None:
             self._put(f"{frame}_normals", np.round(normals * NORMAL_STEPS).astype(np.int16))
+        if image is not None:
+            self._put(f"{frame}_image", np.round(image * 255).astype(np.uint8))
 
     def finish(self) -> None:
         """Close the last video and say in `index.json` that all is there."""
@@ -84,6 +95,23 @@ class StoredPredictions:
             name = f"{frame}_normals"
             normals = stored[name].astype(np.float32) / NORMAL_STEPS if name in stored.files else None
         return depth, normals
+
+    def read_image(self, video: str, frame: int) -> np.ndarray:
+        """RGB (h, w, 3) in [0, 1], where images are kept."""
+        with np.load(self.folder / f"{video}.npz", allow_pickle=False) as stored:
+            image: np.ndarray = stored[f"{frame}_image"].astype(np.float32) / 255
+        return image
+
+    def frames(self) -> list[tuple[str, int]]:
+        """Videos and frames that are kept."""
+        found = []
+        for path in sorted(self.folder.glob("*.npz")):
+            with np.load(path, allow_pickle=False) as stored:
+                numbers = [
+                    int(name.removesuffix("_depth")) for name in stored.files if name.endswith("_depth")
+                ]
+            found += [(path.stem, number) for number in sorted(numbers)]
+        return found
 
 
 def read_facts(folder: Path) -> dict[str, Any] | None:

@@ -1,0 +1,127 @@
+"""Runs the trainings of a benchmark, several at a time, and writes their report."""
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from col3d.app import build
+from col3d.app.config import TrainOptions
+from col3d.app.errors import check_options
+from col3d.app.run_folder import RunFolder
+from col3d.app.truth import keep_truth
+from col3d.checks import UserError
+
+
+@dataclass(frozen=True)
+class Job:
+    """One training: how it is asked for, what that means, and where it goes."""
+
+    overrides: tuple[str, ...]
+    options: TrainOptions
+
+    @property
+    def folder(self) -> Path:
+        """Of the run."""
+        return Path(self.options.output_dir)
+
+
+def make_job(overrides: Sequence[str], given: Mapping[str, Any]) -> Job:
+    """A job of checked options.
+
+    Raises:
+        UserError: an option breaks a rule.
+    """
+    return Job(tuple(overrides), build.with_absolute_root(check_options(TrainOptions, given)))
+
+
+def distinct(jobs: Sequence[Job]) -> list[Job]:
+    """The jobs without those that ask for what an earlier one asks for already."""
+    kept: dict[str, Job] = {}
+    for job in jobs:
+        kept.setdefault(job.options.model_dump_json(exclude={"output_dir"}), job)
+    return list(kept.values())
+
+
+def run_benchmark(jobs: Sequence[Job], train: Path, output: Path, parallel: int | None = None) -> None:
+    """Run what is not finished, keep the truth for figures, and write the report.
+
+    Args:
+        jobs: the trainings.
+        train: the program that takes their overrides.
+        output: folder of the runs and of the report.
+        parallel: how many run at a time, sharing the cores; when absent two, or one where there is a GPU.
+
+    Raises:
+        UserError: a folder holds a run of other options, or every job failed.
+    """
+    jobs = distinct(jobs)
+    waiting = [job for job in jobs if RunFolder(job.options).finished is None]
+    print(f"{len(jobs)} runs, {len(jobs) - len(waiting)} of them finished before", flush=True)
+    if waiting:  # rendered once, before several jobs want it
+        build.frame_sets(jobs[0].options.data, jobs[0].options.phantom)
+    failed = _run_all(waiting, train, parallel or (1 if torch.cuda.is_available() else 2))
+    if len(failed) == len(jobs):
+        raise UserError(f"all {len(jobs)} runs failed; the first says: {_last_line(failed[0])}")
+    keep_truth(output / "truth", jobs[0].options)
+    subprocess.run([sys.executable, "-m", "col3d.reports", str(output), str(output / "report")], check=True)
+    if failed:
+        raise UserError("\n".join(f"failed: {job.folder}: {_last_line(job)}" for job in failed))
+
+
+def _run_all(jobs: Sequence[Job], train: Path, parallel: int) -> list[Job]:
+    """Run them all, and return those that failed."""
+    failed: list[Job] = []
+    start, done = time.monotonic(), 0
+    threads = str(max(1, (os.cpu_count() or 1) // parallel))
+    with ThreadPoolExecutor(parallel) as pool:
+        running = {pool.submit(_run, job, train, threads): job for job in jobs}
+        try:
+            while running:
+                finished, _ = wait(running, return_when=FIRST_COMPLETED)
+                for future in finished:
+                    job, done = running.pop(future), done + 1
+                    outcome = "done" if future.result() == 0 else "FAILED"
+                    failed += [job] if outcome == "FAILED" else []
+                    left = _clock((time.monotonic() - start) / done * (len(jobs) - done))
+                    line = f"run {done} of {len(jobs)} {outcome}, {left} left: {job.folder.name}"
+                    print(line, flush=True)
+        except BaseException:
+            _abandon(running)
+            raise
+    return failed
+
+
+def _abandon(running: Mapping["Future[int]", Job]) -> None:
+    for future in running:
+        future.cancel()
+
+
+def _run(job: Job, train: Path, threads: str) -> int:
+    """Run a job with its output in `log.txt`; its exit code."""
+    job.folder.mkdir(parents=True, exist_ok=True)
+    with (job.folder / "log.txt").open("w", encoding="utf-8") as log:
+        return subprocess.run(
+            [sys.executable, str(train), *job.overrides, f"hydra.run.dir={job.folder}"],
+            env={**os.environ, "OMP_NUM_THREADS": threads},
+            stdout=log,
+            stderr=subprocess.STDOUT,
+            check=False,
+        ).returncode
+
+
+def _last_line(job: Job) -> str:
+    lines = (job.folder / "log.txt").read_text(encoding="utf-8").split("\n")
+    said = [line for line in lines if line.strip()]
+    return next((line for line in said if line.startswith("error:")), said[-1] if said else "nothing")
+
+
+def _clock(seconds: float) -> str:
+    return f"{seconds / 60:.0f} min" if seconds > 90 else f"{seconds:.0f} s"

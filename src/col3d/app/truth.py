@@ -1,0 +1,38 @@
+"""Keeps the truth of a part of a split beside predictions, for figures that are drawn without torch."""
+
+from pathlib import Path
+
+import torch
+
+from col3d.app import build
+from col3d.app.config import TrainOptions
+from col3d.reports.predictions import PredictionWriter, read_facts
+
+
+def keep_truth(folder: Path, options: TrainOptions) -> None:
+    """Write images, depth and normals of the test split at the network's size, where they are not yet.
+
+    Args:
+        folder: where they go; see `col3d.reports.predictions`.
+        options: of a training on these data.
+    """
+    data = options.data
+    facts = {
+        "max_depth": options.model.max_depth,
+        "data": [data.name, str(Path(data.root).absolute()), data.size],
+        "split": ["test", data.split.test],
+    }
+    kept = read_facts(folder)
+    if kept is not None and {name: kept.get(name) for name in facts} == facts:
+        return
+    frames = build.frame_sets(data, options.phantom, ["test"])["test"]
+    resized = build.resized(frames, data, options.phantom)
+    rays = resized[0]["rays"]
+    off_axis = torch.rad2deg(torch.atan2(rays[:2].norm(dim=0), rays[2]))
+    writer = PredictionWriter(folder, {**facts, "off_axis": off_axis.round(decimals=2).tolist()})
+    for index in range(len(resized)):
+        item = resized[index]
+        normals = item["normals"].movedim(0, -1).numpy() if "normals" in item else None
+        image = item["image"].movedim(0, -1).numpy()
+        writer.add(item["video"], int(item["frame"]), item["depth"][0].numpy(), normals, image)
+    writer.finish()
