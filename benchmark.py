@@ -14,7 +14,9 @@ def run(given: dict[str, Any]) -> None:
 
     options = check_options(BenchmarkOptions, given["benchmark"])
     output = Path(options.output).absolute()
-    common = ["callbacks.predictions=true", *given_overrides(besides="benchmark")]
+    epochs = options.epochs.get(given["preset"])
+    fewer = [] if epochs is None else [f"trainer.max_epochs={epochs}"]
+    common = ["callbacks.predictions=true", *fewer, *given_overrides(besides="benchmark")]
     jobs = []
     for row in [row for name in options.experiments for row in sweep_of(name, options.seeds)]:
         folder = output / "runs" / slug(",".join(row))

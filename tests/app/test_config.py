@@ -34,7 +34,7 @@ def checked(*overrides: str) -> TrainOptions:
 @pytest.mark.parametrize("choice", [*CHOICES, *EXPERIMENTS])
 def test_every_file_composes_into_valid_options(choice: str) -> None:
     if choice.startswith("loss="):
-        checked(choice, "model=col3d_mtl")
+        checked(choice, "model=col3d_mtl" if "mtl" in choice else "model=bts")
     elif choice.startswith("protocol="):
         check_options(EvaluateOptions, composed("evaluate", "checkpoint=x.ckpt", choice))
     else:
@@ -91,7 +91,7 @@ def test_a_model_brings_its_loss(model: str, terms: list[str]) -> None:
 
 
 def test_a_loss_on_the_command_line_wins_wherever_it_stands() -> None:
-    assert checked("model=col3d_mtl", "loss=silog").loss.terms == ["depth"]
+    assert checked("model=col3d_mtl", "loss=mtl").loss.terms == ["depth", "normals"]
     assert checked("loss=mtl", "model=col3d_mtl").loss.terms == ["depth", "normals"]
     assert checked("model=col3d_mtl", "loss.lambdas=[0.4,0.3,0.3]").loss.lambdas == [0.4, 0.3, 0.3]
 
@@ -135,7 +135,10 @@ def test_names_in_the_options_are_those_that_can_be_built() -> None:
         ),
         (["model=bts", "loss.lambdas=[1,1,1]"], ["loss.lambdas", "expected 1", "model=bts"]),
         (["model=bts", "loss=mtl_xtc"], ["normals and consistency", "model=bts predicts no"]),
-        (["model.normals=none"], ["normals and consistency", "model.normals=none"]),
+        (["model.normals=none"], ["model.normals", "col3d_mtl always predicts normals", "bts_cbam"]),
+        (["loss=silog"], ["model=col3d_mtl predicts normals", "model=bts_cbam"]),
+        (["model=bts", "model.normals=unc"], ["model=bts predicts normals", "model.normals=none"]),
+        (["model=pix2pix", "task.discriminator_width=9"], ["task.discriminator_width", "multiple of 8"]),
         (["model=bts", "model.normal_frame=ray"], ["model.normal_frame", "model.normals is none"]),
         (["model.freeze=[bn]"], ["model.freeze.0", "'bn'", "batch_norm"]),
         (["optimizer.name=sgdd"], ["optimizer.name", "'adamw', 'adam', 'sgd'", "'sgdd'"]),

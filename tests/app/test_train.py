@@ -14,6 +14,7 @@ from test_launch import call
 from tiny_run import TINY, composed, real_frames
 
 from col3d.app.evaluate import evaluate
+from col3d.app.tracking import csv_logger
 from col3d.app.train import train
 from col3d.callbacks import EpochLines
 from col3d.checks import DataError, UserError
@@ -56,7 +57,8 @@ def test_every_model_trains_and_leaves_its_results(way: str, tiny: Compose, tmp_
     assert list(summary["metrics"]) == [*metrics, "delta_1_1"]
     assert summary["metrics"] == pytest.approx(means(rows))
     assert summary["best"]["val/abs_rel"] == best
-    assert set(summary["baseline"]) == set(DEPTH_METRICS)
+    assert set(summary["baseline"]) == {*DEPTH_METRICS, "delta_1_1"}
+    assert summary["cost"]["gflop"] > 0.01
     assert summary["frames_by_split"] == {"train": 5, "val": 2, "test": 4}
     assert len(list((run / "panels").glob("*.png"))) == 1
     assert yaml.safe_load((run / "config.yaml").read_text())["model"]["name"] == model
@@ -216,6 +218,31 @@ def test_a_run_that_was_cut_off_goes_on_to_the_same_weights(
     assert all(torch.equal(whole[name], continued[name]) for name in whole)
     assert columns("cut") == columns("whole")
     assert len(columns("whole")) == 3
+
+
+def test_the_last_checkpoint_is_of_the_last_epoch_whichever_was_best(tiny: Compose, tmp_path: Path) -> None:
+    worse = ["model=bts", "optimizer=sgd", "optimizer.lr=0.03", "scheduler=constant", "trainer.max_epochs=3"]
+    train(tiny(*worse))
+    run = tmp_path / "run"
+    epochs = {
+        name: torch.load(run / "checkpoints" / f"{name}.ckpt", weights_only=True)["epoch"]
+        for name in ("best", "last")
+    }
+    assert epochs["last"] == 2
+    assert epochs["best"] < 2
+
+
+@pytest.mark.filterwarnings("ignore:Experiment logs directory")
+def test_rows_after_the_checkpoint_are_logged_again(tmp_path: Path) -> None:
+    lines = ["epoch,step,train/loss,val/loss", *(f"{e},{2 * e + 1},{e}.5,0.5" for e in range(4))]
+    (tmp_path / "metrics.csv").write_text("\n".join(lines) + "\n")
+    logger = csv_logger(tmp_path, 1)
+    logger.log_metrics({"epoch": 2, "train/loss": 9.0}, 5)
+    logger.save()
+    with (tmp_path / "metrics.csv").open() as file:
+        assert [(row["epoch"], row["train/loss"]) for row in csv.DictReader(file)] == [
+            ("0", "0.5"), ("1", "1.5"), ("2", "9.0"),
+        ]  # fmt: skip
 
 
 def test_a_file_that_spoils_is_one_line_even_from_a_worker(tiny: Compose, tmp_path: Path) -> None:

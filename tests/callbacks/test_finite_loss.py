@@ -1,5 +1,6 @@
 """A loss that is not finite stops the training before it does harm."""
 
+from types import SimpleNamespace
 from typing import Any
 from unittest.mock import Mock
 
@@ -29,7 +30,7 @@ class OneWeight(LightningModule):
 
 @pytest.mark.parametrize("bad", [float("nan"), float("inf"), -float("inf")])
 def test_step_and_frames_are_named(bad: float) -> None:
-    callback, trainer = FiniteLoss(), Mock(spec=Trainer, global_step=41)
+    callback, trainer = FiniteLoss(), Mock(spec=Trainer, fit_loop=SimpleNamespace(total_batch_idx=41))
     module = Mock(spec=LightningModule)
     batch = {"video": ["cecum_t1_a", "desc_t4_a"], "frame": torch.tensor([7, 130])}
     callback.on_train_batch_start(trainer, module, batch, 0)

@@ -36,7 +36,7 @@ def test_refuses_an_encoder_without_five_scales(name: str) -> None:
 
 
 def test_unknown_tag_passes_on_what_timm_says() -> None:
-    with pytest.raises(ValueError, match=r"^model\.encoder: 'resnet18\.absent' .*absent.*$"):
+    with pytest.raises(ValueError, match=r"^model\.encoder: 'resnet18\.absent': .*absent.*$"):
         Encoder("resnet18.absent")
 
 
@@ -86,3 +86,17 @@ def test_file_of_a_classifier_fills_the_encoder(name: str, tmp_path: Path) -> No
     stored = {key.replace(".", "_"): value for key, value in classifier.state_dict().items()}
     for key, value in Encoder(name, str(path)).net.state_dict().items():
         assert torch.equal(value, stored[key.replace(".", "_")]), key
+
+
+def test_file_of_a_deeper_encoder(tmp_path: Path) -> None:
+    torch.save(timm.create_model("resnet34").state_dict(), tmp_path / "deeper.pt")
+    with pytest.raises(ValueError, match=r"^model\.pretrained: .*is of a larger model: 'layer1\.2\.conv1"):
+        Encoder("resnet18", str(tmp_path / "deeper.pt"))
+
+
+@pytest.mark.parametrize("name", ["maxvit_pico_rw_256", "inception_v3"])
+def test_refuses_an_encoder_that_takes_other_sizes(name: str) -> None:
+    with pytest.raises(
+        ValueError, match=rf"^model\.encoder: '{name}' must offer maps .* an image of 64 x 96"
+    ):
+        Encoder(name)

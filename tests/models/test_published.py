@@ -13,7 +13,7 @@ from col3d.geometry import PinholeCamera, normals_from_depth
 from col3d.layers.normal_decoder import enlarge
 from col3d.models import create
 from col3d.models.col3d_mtl import published_normals
-from col3d.models.published import SOURCES, load_published, read_weights
+from col3d.models.published import SOURCES, _tensors, load_published, read_weights
 from col3d.models.published.source import house_name
 
 FAMILY = ["bts", "col3d_bts_cbam", "col3d_mtl_no_xtc", "col3d_mtl"]
@@ -214,6 +214,20 @@ def test_arrays_that_the_authors_keep_beside_their_weights(tmp_path: Path) -> No
     assert torch.equal(read_weights(tmp_path / "some.pt")["model"]["weight"], torch.ones(2))
 
 
+@needs_parity
+def test_tensors_without_a_shape_are_refused() -> None:
+    for name in ("decoder.upconv5.conv.weight", "decoder.reduc8x8.reduc.plane_params.weight"):
+        with pytest.raises(ValueError, match=r"^state_dict: "):
+            load_published("bts", published_state("bts") | {name: torch.tensor(1.0)})
+
+
+def test_refuses_names_that_are_none() -> None:
+    with pytest.raises(ValueError, match=r"^state_dict: must map names to tensors"):
+        _tensors({0: torch.zeros(1)})
+    with pytest.raises(ValueError, match=r"^state_dict: must map names to tensors, got a list$"):
+        _tensors([1])
+
+
 @pytest.mark.parametrize("state", [{}, {"epoch": 3, "optimizer": {}}, {"model": {"weight": [1.0]}}])
 def test_refuses_what_is_no_state_dict(state: dict[str, object]) -> None:
     with pytest.raises(ValueError, match=r"^state_dict: must map names to tensors.*; it has .*$"):
@@ -228,7 +242,15 @@ def test_names_only_a_few_of_many_missing_weights() -> None:
 
 
 @needs_parity
-@pytest.mark.parametrize(("source", "other"), [("bts", "col3d_mtl"), ("col3d_mtl", "bts")])
+@pytest.mark.parametrize(
+    ("source", "other"),
+    [
+        ("bts", "col3d_mtl"),
+        ("col3d_mtl", "bts"),
+        ("col3d_mtl", "col3d_bts_cbam"),
+        ("col3d_mtl_no_xtc", "col3d_mtl"),
+    ],
+)
 def test_refuses_the_weights_of_another_method(source: str, other: str) -> None:
     with pytest.raises(
         ValueError, match=rf"^state_dict: must hold weights of {source}; these are of .*{other}"

@@ -45,6 +45,12 @@ class ModelOptions(Options):
 
     @model_validator(mode="after")
     def _fits(self) -> "ModelOptions":
+        from col3d.models import WITH_NORMALS
+
+        if self.normals == "none" and self.name in WITH_NORMALS:
+            raise ValueError(
+                f"model.normals: {self.name} always predicts normals; take bts_cbam for depth alone"
+            )
         if self.normals == "none" and self.normal_frame == "ray":
             raise ValueError("model.normal_frame: ray is for predicted normals, and model.normals is none")
         return self
@@ -80,7 +86,7 @@ class AdversarialOptions(Options):
 
     name: Literal["adversarial"]
     weight: PositiveFloat
-    discriminator_width: Annotated[int, Field(ge=8)]
+    discriminator_width: Annotated[int, Field(ge=8, multiple_of=8)]
 
 
 class SplitOptions(Options):
@@ -247,6 +253,14 @@ class TrainOptions(Options):
                 f"loss: {' and '.join(asked)} cannot be served, because model={model.name} predicts no "
                 "normals with model.normals=none; take model.normals=unc, or loss=silog"
             )
+        if not asked and model.normals != "none":
+            depth_alone = (
+                "model=bts_cbam" if model.name in ("bts_cbam_mtl", "col3d_mtl") else "model.normals=none"
+            )
+            raise ValueError(
+                f"loss: model={model.name} predicts normals, and no term of this loss would teach them; "
+                f"take loss=mtl or mtl_xtc, or {depth_alone}"
+            )
         for option, given in (("lambdas", loss.lambdas), ("from_epoch", loss.from_epoch)):
             if given is not None and len(given) != len(loss.terms):
                 raise ValueError(
@@ -295,7 +309,8 @@ class EvaluateOptions(Options):
     published: (
         Literal["bts", "col3d_bts_cbam", "col3d_mtl_no_xtc", "col3d_mtl", "newcrfs", "monodepth_fpn"] | None
     )
-    max_depth: PositiveFloat
+    max_depth: PositiveFloat | None
+    size: Annotated[list[Side], Field(min_length=2, max_length=2)] | None
     protocol: Protocols
     data: DataOptions | None = None
     phantom: PhantomOptions
@@ -307,12 +322,19 @@ class EvaluateOptions(Options):
     workers: Annotated[int, Field(ge=0)] | None
     accelerator: Literal["auto", "cpu", "gpu", "cuda"]
 
+    @model_validator(mode="after")
+    def _fits(self) -> "EvaluateOptions":
+        if self.max_depth is not None and self.published is None:
+            raise ValueError("max_depth: our checkpoints know theirs; it is for published weights")
+        return self
+
 
 class BenchmarkOptions(Options):
     """What `benchmark.py` takes beside the options of `train.py`."""
 
     experiments: Annotated[list[str], Field(min_length=1)]
     seeds: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=1)]
+    epochs: dict[str, PositiveInt]
     parallel: PositiveInt | None
     output: str
 

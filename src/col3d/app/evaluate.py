@@ -1,5 +1,6 @@
 """Predict a part of a split once, and score the predictions under any number of protocols."""
 
+import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -87,6 +88,7 @@ def _score(
     native = options.resolution == "native"
     truth = frames if native else build.resized(frames, subject.data, subject.phantom, options.truth)
     protocol, mean = build.protocol(name, options), subject.task.mean_depth
+    shutil.rmtree(results.panels.folder, ignore_errors=True)
     results.panels.choose(len(frames))
     for batch in DataLoader(truth, batch_size=1, num_workers=subject.data.workers):
         prediction = _read(stored, batch)
@@ -143,4 +145,5 @@ def _name(kind: str, options: EvaluateOptions, variant: str | None) -> str:
     """A folder's name: what it holds, whose weights, which part, and the protocol or mirroring."""
     stem = Path(options.checkpoint).stem
     whose = f"{options.published}_{stem}" if options.published else None if stem == "best" else stem
-    return "_".join(part for part in (kind, whose, options.split, variant) if part)
+    other = options.data and f"{options.data.name}_{options.data.split.name}"
+    return "_".join(part for part in (kind, whose, other, options.split, variant) if part)

@@ -45,7 +45,7 @@ class Results:
         average: str = "frame",
     ) -> None:
         self.folder, self.facts, self.average = folder, facts, average
-        self.context = {"split_name": split_name, "frames_by_split": dict(frames)}
+        self.context: dict[str, Any] = {"split_name": split_name, "frames_by_split": dict(frames)}
         self.table = PerFrameTable(folder / "per_frame.csv", self.facts, describe)
         self.panels = ImagePanels(folder / "panels", panels)
         self.callbacks: list[Callback] = [self.table, self.panels]

@@ -34,6 +34,7 @@ class RunFolder:
         if (self.path / CHECKPOINTS).exists() and not (self.path / CONFIG).is_file():
             raise UserError(f"{self.path} holds {CHECKPOINTS} of something else; give another hydra.run.dir")
         found = None if options.overwrite else read_summary(self.path)
+        self.epoch: int | None = None
         self.cut_off = None if options.overwrite or found else self._last_checkpoint()
         if (found or self.cut_off) and (changed := self._changes()):
             raise UserError(
@@ -61,8 +62,8 @@ class RunFolder:
             path = self.path / CHECKPOINTS / name
             if path.is_file():
                 try:
-                    torch.load(path, map_location="cpu", weights_only=True)
-                except (RuntimeError, OSError, EOFError, ValueError, pickle.UnpicklingError):
+                    self.epoch = int(torch.load(path, map_location="cpu", weights_only=True)["epoch"])
+                except (RuntimeError, OSError, EOFError, ValueError, KeyError, pickle.UnpicklingError):
                     print(f"note: {path} was cut off while it was saved and is left aside", flush=True)
                 else:
                     return path

@@ -12,6 +12,9 @@ from col3d.checks import UserError
 from col3d.models.published import load_published, read_weights
 from col3d.tasks import SupervisedTask
 
+MAX_DEPTH = 100.0
+"""Millimetres that the published programs for C3VD are trained with."""
+
 
 @dataclass(frozen=True)
 class Subject:
@@ -42,7 +45,8 @@ def _trained(path: Path, options: EvaluateOptions) -> Subject:
     model = trained.model.model_copy(update={"pretrained": None})
     task = build.task(trained.model_copy(update={"model": model}))
     build.fill(task, checkpoint, path)
-    data = _as_asked(options.data or trained.data, options)
+    other = options.data and options.data.model_copy(update={"size": trained.data.size})
+    data = _as_asked(other or trained.data, options)
     phantom = trained.phantom if options.data is None else options.phantom
     return Subject(task, model.name, trained.seed, model.max_depth, data, phantom)
 
@@ -53,11 +57,12 @@ def _published(path: Path, options: EvaluateOptions) -> Subject:
     if options.data is None:
         raise UserError("data: published weights do not say what to score them on; take data=c3vd or phantom")
     try:
-        network = load_published(options.published, _read(path), options.max_depth)
+        network = load_published(options.published, _read(path), options.max_depth or MAX_DEPTH)
     except ValueError as error:
         raise UserError(str(error).replace("state_dict:", f"checkpoint: {path}", 1)) from None
     data = _as_asked(options.data, options)
-    return Subject(SupervisedTask(network), options.published, 0, options.max_depth, data, options.phantom)
+    depth = options.max_depth or MAX_DEPTH
+    return Subject(SupervisedTask(network), options.published, 0, depth, data, options.phantom)
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -83,5 +88,5 @@ def _trained_options(checkpoint: Mapping[str, Any], path: Path) -> TrainOptions:
 
 
 def _as_asked(data: DataOptions, options: EvaluateOptions) -> DataOptions:
-    asked = {name: getattr(options, name) for name in ("root", "batch_size", "workers")}
+    asked = {name: getattr(options, name) for name in ("root", "batch_size", "workers", "size")}
     return data.model_copy(update={name: value for name, value in asked.items() if value is not None})

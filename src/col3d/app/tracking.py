@@ -11,13 +11,16 @@ from torch import Tensor
 from col3d.app.config import TrainOptions
 
 
-def csv_logger(folder: Path, continued: bool) -> CSVLogger:
-    """Logs into metrics.csv; a run that goes on keeps the rows it had."""
+def csv_logger(folder: Path, epoch: int | None) -> CSVLogger:
+    """Logs into metrics.csv; a run that goes on keeps the rows up to the epoch of its checkpoint."""
     path = folder / "metrics.csv"
-    before = list(csv.DictReader(path.read_text().splitlines())) if continued and path.is_file() else []
-    whole = max((i + 1 for i, row in enumerate(before) if row.get("train/loss")), default=0)
+    there = epoch is not None and path.is_file()
+    before = list(csv.DictReader(path.read_text().splitlines())) if there else []
+    kept = [
+        i + 1 for i, row in enumerate(before) if row.get("train/loss") and int(row["epoch"]) <= (epoch or 0)
+    ]
     logger = CSVLogger(folder, name="", version="")
-    for row in before[:whole]:  # the epoch that was cut off is logged again
+    for row in before[: max(kept, default=0)]:  # later epochs are logged again
         values: dict[str, Tensor | float] = {
             k: int(v) if v.isdigit() else float(v) for k, v in row.items() if v and k != "step"
         }

@@ -62,7 +62,7 @@ def train(given: Mapping[str, Any]) -> float:
     task = build.task(options)
     folder.begin()
     with wandb_run(options, folder.path) as loggers:
-        loggers.append(csv_logger(folder.path, continued=folder.cut_off is not None))
+        loggers.append(csv_logger(folder.path, folder.epoch))
         return _fit_and_test(options, folder, data, task, loggers)
 
 
@@ -77,9 +77,10 @@ def _fit_and_test(
         folder.path / "checkpoints",
         filename="best",
         monitor=WATCHED,
-        save_last=True,
         enable_version_counter=False,
     )
+    # Not save_last=True, which skips the epochs that are not the best so far.
+    last = ModelCheckpoint(folder.path / "checkpoints", filename="last", enable_version_counter=False)
     name, protocol = options.one_protocol
     facts = facts_of(options.model.name, options.seed, options.data, "test", name)
     results = Results(
@@ -92,7 +93,7 @@ def _fit_and_test(
     )
     kept = _kept_predictions(options, folder.path)
     adversarial = options.task.name == "adversarial"
-    callbacks = [best, *_watchers(), *results.callbacks, *kept]
+    callbacks = [best, last, *_watchers(), *results.callbacks, *kept]
     trainer = make_trainer(options.trainer, callbacks, loggers, adversarial=adversarial)
     try:
         trainer.fit(task, datamodule=data, ckpt_path=folder.cut_off, weights_only=True)
@@ -144,7 +145,7 @@ def make_trainer(
 ) -> Trainer:
     """Lightning's Trainer; samplers are ours, so that evaluation counts each frame once under DDP."""
     # Each of two networks that learn in turn leaves the other's gradients out.
-    parts_unused = adversarial and given.strategy == "ddp"
+    parts_unused = adversarial and (given.strategy == "ddp" or given.devices != 1)
     strategy = "ddp_find_unused_parameters_true" if parts_unused else given.strategy
     on_cpu = given.accelerator == "cpu" or not torch.cuda.is_available()  # metrics are float64: no MPS
     return Trainer(

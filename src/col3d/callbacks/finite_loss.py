@@ -31,7 +31,8 @@ class FiniteLoss(Callback):
             DivergedError: names step and frames.
         """
         if not torch.isfinite(loss):
+            step = trainer.fit_loop.total_batch_idx
             raise DivergedError(
-                f"the loss is {loss.item()} at step {trainer.global_step} (frames {self.frames}); "
+                f"the loss is {loss.item()} at step {step} (frames {self.frames}); "
                 "lower optimizer.lr, set trainer.gradient_clip, or look at these frames"
             )

@@ -1,15 +1,18 @@
 """Any timm encoder that offers five scales, behind one interface."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
 from col3d.checks import nearest_name
 
 SCALES = (2, 4, 8, 16, 32)
+PROBE_HW = (64, 96)
+"""Size of the image that an encoder is tried with."""
 
 
 class Encoder(nn.Module):
@@ -34,8 +37,26 @@ class Encoder(nn.Module):
         info: Any = self.net.feature_info
         self.indices = _five_scales(name, info.reduction())
         self.channels = [info.channels()[i] for i in self.indices]
+        self._probe(name)
         if pretrained not in (None, "none", "imagenet"):
             load_encoder_weights(self.net, Path(str(pretrained)))
+
+    @torch.no_grad()
+    def _probe(self, name: str) -> None:
+        """Refuse a model that takes one size alone, or whose maps are not those it says."""
+        image = torch.zeros(1, 3, *PROBE_HW, device=next(self.net.parameters()).device)
+        try:
+            found = [tuple(x.shape[1:]) for x in self.net.eval()(image)]
+        except Exception as error:
+            raise ValueError(
+                _no_scales(name, f"an image of 64 x 96 stops it: {error}".splitlines()[0])
+            ) from None
+        finally:
+            self.net.train()
+        wanted = [(c, PROBE_HW[0] // s, PROBE_HW[1] // s) for c, s in zip(self.channels, SCALES, strict=True)]
+        if [found[i] for i in self.indices] != wanted:
+            sizes = ", ".join(f"{h} x {w}" for _, h, w in found)
+            raise ValueError(_no_scales(name, f"for an image of 64 x 96 it has maps of {sizes}"))
 
     def forward(self, image: Float[Tensor, "b 3 h w"]) -> list[Float[Tensor, "b _ _ _"]]:
         """A normalised image whose sides are multiples of 32 -> five maps, the largest first."""
@@ -51,6 +72,8 @@ def _create(name: str, fetch: bool) -> nn.Module:
     try:
         return timm.create_model(name, features_only=True, pretrained=fetch)
     except Exception as error:
+        if "pretrained tag" in str(error):
+            raise ValueError(f"model.encoder: {name!r}: {error}".splitlines()[0]) from None
         if not fetch:
             raise ValueError(_no_scales(name, f"timm says: {error}".splitlines()[0])) from error
         raise ValueError(
@@ -80,11 +103,38 @@ def load_encoder_weights(net: nn.Module, path: Path) -> None:
         ValueError: there is no such file, or weights are missing from it.
     """
     # timm joins the first levels of some names with "_" when it makes an encoder of a classifier.
-    plain = {name.replace(".", "_"): value for name, value in read_encoder_weights(path).items()}
+    read = read_encoder_weights(path)
+    plain = {name.replace(".", "_"): value for name, value in read.items()}
     given = {
         name: plain[name.replace(".", "_")] for name in net.state_dict() if name.replace(".", "_") in plain
     }
+    stored = [name for name in read if name.replace(".", "_") not in {n.replace(".", "_") for n in given}]
     fill_encoder(net, net.state_dict(), given, repr(str(path)))
+    refuse_more_blocks(list(given), stored, repr(str(path)))
+
+
+def refuse_more_blocks(used: Sequence[str], unused: Sequence[str], source: str) -> None:
+    """Refuse weights of a larger model of the same family: stages in them have blocks that this one lacks.
+
+    Raises:
+        ValueError: names the first such weight.
+    """
+
+    def blocks(name: str) -> list[tuple[str, str]]:
+        parts = name.split(".")
+        return [
+            (".".join(parts[:i]), ".".join(parts[: i + 1]))
+            for i in range(1, len(parts))
+            if parts[i].isdigit()
+        ]
+
+    lists = {stage for name in used for stage, _ in blocks(name)}
+    known = {block for name in used for _, block in blocks(name)}
+    for name in unused:
+        if any(stage in lists and block not in known for stage, block in blocks(name)):
+            raise ValueError(
+                f"model.pretrained: {source} is of a larger model: {name!r} has no place in this one"
+            )
 
 
 def read_encoder_weights(path: Path) -> Mapping[str, Tensor]:
@@ -119,7 +169,7 @@ def fill_encoder(
     if missing:
         raise ValueError(f"model.pretrained: {source} lacks {len(missing)} weights, such as {missing[0]!r}")
     chosen = {name: given[name] for name in wanted if name in given}
-    misfits = [n for n in chosen if chosen[n].shape != wanted[n].shape]
+    misfits = [n for n in chosen if getattr(chosen[n], "shape", None) != wanted[n].shape]
     if misfits:
         raise ValueError(
             f"model.pretrained: {source} does not fit in {len(misfits)} weights, such as {misfits[0]!r}"

@@ -58,8 +58,10 @@ class DepthNetwork(nn.Module, ABC):
                 along each pixel's own ray, which `forward` then has to be given.
 
         Raises:
-            ValueError: the frame is unknown.
+            ValueError: the frame is unknown, or the width is not a positive multiple of 32.
         """
+        if width <= 0 or width % 32:
+            raise ValueError(f"model.width: normals need a positive multiple of 32, got {width}")
         known = NORMAL_FRAMES[check_known("model.normal_frame", frame, NORMAL_FRAMES)]
         self.normal_decoder = NormalDecoder(self.feature_channels, width, known)
 
@@ -74,7 +76,7 @@ class DepthNetwork(nn.Module, ABC):
                 `needs_rays` is False.
 
         Raises:
-            ValueError: the rays are needed and absent.
+            ValueError: the rays are needed and absent, or of another size.
         """
         return self.forward_normalised((image - self.mean) / self.std, rays)
 
@@ -84,6 +86,9 @@ class DepthNetwork(nn.Module, ABC):
         """The same for an image from which ImageNet's mean is taken, over its standard deviation."""
         if self.needs_rays and rays is None:
             raise ValueError("rays: normals in the frame of the ray need the rays of the camera")
+        if rays is not None and rays.shape[-2:] != x.shape[-2:]:
+            given, wanted = (tuple(values.shape[-2:]) for values in (rays, x))
+            raise ValueError(f"rays: expected those of an image of {wanted} pixels, got {given}")
         height, width = x.shape[-2:]
         padding = (0, -width % self.multiple, 0, -height % self.multiple)
         if rays is not None:

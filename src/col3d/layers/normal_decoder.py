@@ -59,7 +59,7 @@ def facing_normals(
 ) -> Float[Tensor, "b 3 h w"]:
     """Unit normals that face the camera, from components in the ray's frame; the last through a softplus."""
     across = raw[:, :2]
-    slack = LEAST_FACING * (1 + across.abs().sum(dim=1, keepdim=True))
+    slack = LEAST_FACING * (1 + across.square().sum(dim=1, keepdim=True)).sqrt()
     towards = nn.functional.softplus(-raw[:, 2:]) + slack
     return camera_from_ray(unit(torch.cat([across, -towards], dim=1)), rays)
 

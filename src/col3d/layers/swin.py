@@ -9,7 +9,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from col3d.checks import nearest_name
-from col3d.layers.encoder import fill_encoder, read_encoder_weights
+from col3d.layers.encoder import fill_encoder, read_encoder_weights, refuse_more_blocks
 from col3d.layers.window_attention import WINDOW, WindowBlock
 
 HEAD_CHANNELS = 32
@@ -175,6 +175,7 @@ def _fill(net: Swin, stored: Mapping[str, Tensor], source: str) -> None:
         stored = {timm_name(name): value for name, value in stored.items()}
     own = {name: value for name, value in net.state_dict().items() if not name.startswith("norms.")}
     fill_encoder(net, own, stored, source)
+    refuse_more_blocks(list(own), [name for name in stored if name not in own], source)
 
 
 def timm_name(name: str) -> str:

@@ -4,6 +4,7 @@ from typing import Any
 
 from col3d.checks import check_known
 from col3d.layers.network import DepthNetwork
+from col3d.layers.normal_decoder import NORMAL_FRAMES
 from col3d.models.bts import BTS
 from col3d.models.bts_cbam import BTSCBAM
 from col3d.models.col3d_mtl import Col3DMTL
@@ -68,11 +69,14 @@ def create(
     if max_depth <= 0:
         raise ValueError(f"model.max_depth: expected mm above 0, got {max_depth}")
     kind: Any = NETWORKS[check_known("model.name", name, NETWORKS)]
+    check_known("model.normal_frame", normal_frame, NORMAL_FRAMES)
     options |= {} if encoder is None else {"encoder": encoder}
     if name in WITH_NORMALS:
         if normals == "none":
             raise ValueError(f"model.normals: {name} always predicts normals; take bts_cbam for depth alone")
         options["normal_frame"] = normal_frame
+    elif normal_frame == "ray" and normals != "unc":
+        raise ValueError("model.normal_frame: ray is for predicted normals; take normals=unc")
     network: DepthNetwork = kind(max_depth=max_depth, pretrained=pretrained, width=width, **options)
     asked = normals is not None and check_known("model.normals", normals, NORMALS) == "unc"
     if asked and network.normal_decoder is None:

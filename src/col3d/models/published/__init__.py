@@ -14,7 +14,12 @@ from torch import Tensor
 from col3d.checks import check_known
 from col3d.layers.network import DepthNetwork
 from col3d.models import create
-from col3d.models.published.bts_family import BTS_CBAM_WEIGHTS, BTS_WEIGHTS, COL3D_MTL_WEIGHTS
+from col3d.models.published.bts_family import (
+    BTS_CBAM_MTL_WEIGHTS,
+    BTS_CBAM_WEIGHTS,
+    BTS_WEIGHTS,
+    COL3D_MTL_WEIGHTS,
+)
 from col3d.models.published.monodepth_fpn import MONODEPTH_FPN_WEIGHTS
 from col3d.models.published.newcrfs import NEWCRFS_WEIGHTS
 from col3d.models.published.source import Source, house_name
@@ -22,7 +27,7 @@ from col3d.models.published.source import Source, house_name
 SOURCES: dict[str, Source] = {
     "bts": BTS_WEIGHTS,
     "col3d_bts_cbam": BTS_CBAM_WEIGHTS,
-    "col3d_mtl_no_xtc": COL3D_MTL_WEIGHTS,
+    "col3d_mtl_no_xtc": BTS_CBAM_MTL_WEIGHTS,
     "col3d_mtl": COL3D_MTL_WEIGHTS,
     "newcrfs": NEWCRFS_WEIGHTS,
     "monodepth_fpn": MONODEPTH_FPN_WEIGHTS,
@@ -64,9 +69,11 @@ def load_published(
         ValueError: the source is unknown, or the weights are not all of that network's or more than those.
     """
     known = SOURCES[check_known("source", source, SOURCES)]
+    if max_depth <= 0:
+        raise ValueError(f"max_depth: expected mm above 0, got {max_depth}")
     tensors = _tensors(state_dict)
     if any(name.startswith(OURS) for name in tensors):
-        return _load_ours(known, tensors, state_dict)
+        return _load_ours(source, tensors, state_dict)
     _check_method(source, tensors)
     network = known.network(max_depth=max_depth, **known.options(tensors))
     skipped = [name for name in tensors if re.search(known.unused, name)]
@@ -102,32 +109,33 @@ def read_weights(path: Path) -> dict[str, Any]:
     return content
 
 
-def _load_ours(known: Source, tensors: dict[str, Tensor], checkpoint: Mapping[str, Any]) -> DepthNetwork:
+def _load_ours(source: str, tensors: dict[str, Tensor], checkpoint: Mapping[str, Any]) -> DepthNetwork:
     """A checkpoint of this package: its own options say what to build."""
     try:
         model = dict(checkpoint["hyper_parameters"]["options"]["model"]) | {"pretrained": None}
-    except (KeyError, TypeError):
-        raise ValueError("state_dict: a checkpoint of train.py must hold its options; it has none") from None
-    network = create(**{k: v for k, v in model.items() if k != "freeze"})
-    if type(network) is not known.network:
-        raise ValueError(f"state_dict: must hold weights of {_title(known)}; these are of {model['name']}")
+        network = create(**{k: v for k, v in model.items() if k != "freeze"})
+    except (KeyError, TypeError) as error:
+        raise ValueError(
+            f"state_dict: a checkpoint of train.py must hold the options of its network; {error}"
+        ) from None
+    if type(network) is not SOURCES[source].network:
+        raise ValueError(f"state_dict: must hold weights of {source}; these are of {model['name']}")
     named = {name.removeprefix(OURS): name for name in tensors if name.startswith(OURS)}
     _fill(network, {name: tensors[full] for name, full in named.items()}, named)
     return network.eval()
 
 
-def _title(known: Source) -> str:
-    return str(getattr(known.network, "__name__", known.network))
-
-
-def _tensors(state_dict: Mapping[str, Any]) -> dict[str, Tensor]:
+def _tensors(state_dict: Any) -> dict[str, Tensor]:
+    if not isinstance(state_dict, Mapping):
+        raise ValueError(f"state_dict: must map names to tensors, got a {type(state_dict).__name__}")
     for wrapper in ("model", "state_dict"):
         if isinstance(state_dict.get(wrapper), Mapping):
             state_dict = state_dict[wrapper]
-    if not state_dict or not all(isinstance(value, Tensor) for value in state_dict.values()):
+    plain = all(isinstance(k, str) and isinstance(v, Tensor) for k, v in state_dict.items())
+    if not state_dict or not plain:
         raise ValueError(
             "state_dict: must map names to tensors, itself or under 'model' or 'state_dict'; "
-            f"it has {_some(list(state_dict)) or 'nothing'}"
+            f"it has {_some(list(map(str, state_dict))) or 'nothing'}"
         )
     return {name.removeprefix("module."): value for name, value in state_dict.items()}
 
@@ -136,7 +144,8 @@ def _check_method(source: str, tensors: Mapping[str, Tensor]) -> None:
     """Refuse the weights of another method."""
 
     def marked(known: Source) -> bool:
-        return any(re.search(known.mark, name) for name in tensors)
+        foreign = known.foreign is not None and any(re.search(known.foreign, name) for name in tensors)
+        return not foreign and any(re.search(known.mark, name) for name in tensors)
 
     if marked(SOURCES[source]):
         return

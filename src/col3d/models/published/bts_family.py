@@ -61,7 +61,9 @@ ATTENTION: Rules = {
     r"\.sa\.conv1\.": ".spatial.conv.",
 }
 CLASSIFIER = r"^encoder\.base_model\.fc\."
-UNUSED = rf"{CLASSIFIER}|\.n[123]_conv\.|\.conv1_concat\.|_d2n\.|_n2d\."
+CROSS_HEADS = r"_d2n\.|_n2d\."
+"""Heads that the program makes for its cross-task loss, and leaves unused."""
+UNUSED = rf"{CLASSIFIER}|\.n[123]_conv\.|\.conv1_concat\.|{CROSS_HEADS}"
 COL3D: Rules = ENCODER | TRUNK | DECODERS | ATTENTION
 
 
@@ -81,16 +83,18 @@ def _drop_unused_distances(tensors: dict[str, Tensor]) -> list[str]:
     # The authors' UNC blocks reduce to three channels, as LPG does, and never read the third: a distance.
     dropped = [n for n in tensors if re.search(r"^normal_decoder\.normal\d\.reduction\.out\.", n)]
     for name in dropped:
-        tensors[name] = tensors[name][:2]
+        tensors[name] = tensors[name][:2] if tensors[name].ndim > 0 else tensors[name]
     return dropped
 
 
 BTS_WEIGHTS = Source(
-    BTS, BTS_DECODER | ENCODER | TRUNK | DECODERS, CLASSIFIER, r"^decoder\.reduc8x8\.", _sizes
+    BTS, BTS_DECODER | ENCODER | TRUNK | DECODERS, CLASSIFIER, r"^decoder\.reduc8x8\.", None, _sizes
 )
 BTS_CBAM_WEIGHTS = Source(
-    BTSCBAM, COL3D, rf"^normal_decoder\.|{UNUSED}", r"^depth_decoder\.ca1\.", _published
+    BTSCBAM, COL3D, rf"^normal_decoder\.|{UNUSED}", r"^depth_decoder\.ca1\.", CROSS_HEADS, _published
 )
-COL3D_MTL_WEIGHTS = Source(
-    Col3DMTL, COL3D, UNUSED, r"^depth_decoder\.ca1\.", _published, _drop_unused_distances
+"""The program keeps a decoder of normals here too, unused: by name these are the tensors of BTS-CBAM-MTL."""
+BTS_CBAM_MTL_WEIGHTS = Source(
+    Col3DMTL, COL3D, UNUSED, r"^depth_decoder\.ca1\.", CROSS_HEADS, _published, _drop_unused_distances
 )
+COL3D_MTL_WEIGHTS = Source(Col3DMTL, COL3D, UNUSED, CROSS_HEADS, None, _published, _drop_unused_distances)

@@ -45,4 +45,4 @@ def options(tensors: Mapping[str, Tensor]) -> dict[str, Any]:
     }
 
 
-MONODEPTH_FPN_WEIGHTS = Source(MonoDepthFPN, RULES, UNUSED, MARK, options, normalised=False)
+MONODEPTH_FPN_WEIGHTS = Source(MonoDepthFPN, RULES, UNUSED, MARK, None, options, normalised=False)

@@ -74,4 +74,4 @@ def _swin_name(channels: int, depths: tuple[int, ...]) -> str:
     )
 
 
-NEWCRFS_WEIGHTS = Source(NeWCRFs, RULES, UNUSED, MARK, options)
+NEWCRFS_WEIGHTS = Source(NeWCRFs, RULES, UNUSED, MARK, None, options)

@@ -24,6 +24,8 @@ class Source:
     """Pattern of the tensors on which no output depends."""
     mark: str
     """Pattern of a name that only this program's weights have."""
+    foreign: str | None
+    """Pattern of names that its weights never have, where another program's have the mark too."""
     options: Callable[[Mapping[str, Tensor]], dict[str, Any]]
     """Published tensors -> what the network has to be built with."""
     adapt: Callable[[dict[str, Tensor]], list[str]] = lambda tensors: []
@@ -50,6 +52,6 @@ def channels_of(tensors: Mapping[str, Tensor], pattern: str) -> int:
         ValueError: there is none.
     """
     for name, tensor in tensors.items():
-        if re.search(pattern, name):
+        if re.search(pattern, name) and tensor.ndim > 0:
             return len(tensor)
     raise ValueError(f"state_dict: lacks a tensor named as {pattern!r}, which tells the network's width")
