@@ -1,10 +1,13 @@
 .DEFAULT_GOAL := help
-.PHONY: help setup phantom train test lint format clean
+.PHONY: help setup phantom train benchmark test lint format clean
 
 PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
 ARGS ?=
+PRESET ?= laptop
+DATA ?= phantom
+ROOT ?=
 
 help:  ## List the targets
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-9s %s\n", $$1, $$2}'
@@ -22,6 +25,9 @@ phantom: $(READY)  ## Render the colon that training uses when there is no C3VD
 
 train: $(READY)  ## Train and evaluate Col3D-MTL on the phantom (ARGS="key=value ..." changes options)
 	$(BIN)/python train.py model=col3d_mtl $(ARGS)
+
+benchmark: $(READY)  ## Run the paper's experiments and report them (PRESET=smoke|laptop|paper DATA=c3vd ROOT=path)
+	$(BIN)/python benchmark.py preset=$(PRESET) data=$(DATA) $(if $(ROOT),data.root=$(ROOT)) $(ARGS)
 
 test: $(READY) lint  ## Run all tests, linters and type checks
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 $(ARGS)

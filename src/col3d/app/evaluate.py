@@ -12,7 +12,7 @@ from torch.utils.data import DataLoader
 from col3d.app import build
 from col3d.app.config import EvaluateOptions, ProtocolOptions, TrainerOptions
 from col3d.app.errors import check_options
-from col3d.app.results import Results, facts_of
+from col3d.app.results import Results, facts_of, print_audit
 from col3d.app.subject import Subject, subject_of
 from col3d.app.train import check_accelerator, make_trainer, quiet
 from col3d.batch import Batch, Prediction
@@ -36,12 +36,13 @@ def evaluate(given: Mapping[str, Any]) -> None:
     check_accelerator(options.accelerator)
     subject = subject_of(options)
     frames = build.frame_sets(subject.data, subject.phantom, [options.split])[options.split]
+    print_audit(subject.data.split, options.split)
     for name, protocol in options.protocol.items():
         stored = _predicted(subject, frames, protocol.mirror, options)
         facts = facts_of(subject.name, subject.seed, subject.data, options.split, name)
         folder, lengths = _folder(options, name), {str(options.split): len(frames)}
-        split_name = subject.data.split.name
-        results = Results(facts, folder, split_name, lengths, options.panels, protocol.average)
+        split = subject.data.split
+        results = Results(facts, folder, split, lengths, options.panels, protocol.average)
         _score(stored, frames, name, protocol, subject, results)
         results.write(subject.task, Path(options.checkpoint), {})
 

@@ -8,9 +8,10 @@ from typing import Any
 from lightning import Callback, LightningModule
 from lightning.pytorch.loggers import Logger, WandbLogger
 
-from col3d.app.config import DataOptions
+from col3d.app.config import DataOptions, SplitOptions
 from col3d.app.provenance import command, commit, versions
 from col3d.callbacks import ImagePanels, PerFrameTable
+from col3d.data.leakage import Shared, shared_with_training
 from col3d.data.splits import describe
 from col3d.reports.per_frame import means
 from col3d.reports.summary import print_summary, summarise, write_json
@@ -29,7 +30,7 @@ class Results:
     Args:
         facts: what is the same for every frame; see `facts_of`.
         folder: where the files go.
-        split_name: which split the part belongs to.
+        split: which split the part belongs to.
         frames: number of frames of each part.
         panels: how many pictures.
         average: what weighs the same in the means: frame, video or pixel.
@@ -39,13 +40,18 @@ class Results:
         self,
         facts: Facts,
         folder: Path,
-        split_name: str,
+        split: SplitOptions,
         frames: Mapping[str, int],
         panels: int,
         average: str = "frame",
     ) -> None:
         self.folder, self.facts, self.average = folder, facts, average
-        self.context: dict[str, Any] = {"split_name": split_name, "frames_by_split": dict(frames)}
+        shared = {row.video: row.worst for row in _audit(split, str(facts["split"]))}
+        self.context: dict[str, Any] = {
+            "split_name": split.name,
+            "frames_by_split": dict(frames),
+            "shared_with_training": shared,
+        }
         self.table = PerFrameTable(folder / "per_frame.csv", self.facts, describe)
         self.panels = ImagePanels(folder / "panels", panels)
         self.callbacks: list[Callback] = [self.table, self.panels]
@@ -87,6 +93,19 @@ class Results:
         ]
         lines = [str(path) for path in (*wrote, self.folder / "panels", checkpoint) if path.exists()]
         print("wrote", *lines, sep="\n  ", flush=True)
+
+
+def print_audit(split: SplitOptions, part: str) -> None:
+    """Say what each video of a part shares with the videos that are trained on."""
+    print(f"split {split.name}: what {part} shares with training", flush=True)
+    for row in _audit(split, part):
+        videos = row.of_video or row.of_surface or row.of_phantom or row.of_texture
+        which = f" ({', '.join(videos)})" if videos else ""
+        print(f"  {row.video}: {row.worst}{which}", flush=True)
+
+
+def _audit(split: SplitOptions, part: str) -> list[Shared]:
+    return shared_with_training(split.train, getattr(split, part))
 
 
 def read_summary(folder: Path) -> dict[str, Any] | None:

@@ -17,7 +17,7 @@ from col3d.app import build
 from col3d.app.config import TrainerOptions, TrainOptions
 from col3d.app.cost import measure_cost
 from col3d.app.errors import check_options
-from col3d.app.results import Results, facts_of
+from col3d.app.results import Results, facts_of, print_audit
 from col3d.app.run_folder import RunFolder
 from col3d.app.tracking import csv_logger, wandb_run
 from col3d.callbacks import EpochLines, FiniteLoss, SavePredictions
@@ -60,6 +60,7 @@ def train(given: Mapping[str, Any]) -> float:
     truth = options.one_protocol[1].truth
     data = build.data_module(options.data, options.phantom, options.seed, test_truth=truth)
     task = build.task(options)
+    print_audit(options.data.split, "test")
     folder.begin()
     with wandb_run(options, folder.path) as loggers:
         loggers.append(csv_logger(folder.path, folder.epoch))
@@ -86,7 +87,7 @@ def _fit_and_test(
     results = Results(
         facts,
         folder.path,
-        options.data.split.name,
+        options.data.split,
         data.lengths(),
         options.callbacks.panels,
         protocol.average,

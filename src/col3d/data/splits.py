@@ -60,6 +60,29 @@ def paper_split() -> dict[str, list[str]]:
     return {split: [v.name for v in video_table().values() if v.split == split] for split in SPLITS}
 
 
+def leave_out(kind: str, value: str) -> dict[str, list[str]]:
+    """A split that tests on every video of one segment or texture, and neither trains nor validates on any.
+
+    Validated on the paper's validation videos that are left, trained on all others, cecum_t1_b among them.
+
+    Args:
+        kind: "segment" or "texture".
+        value: which, such as "cecum" or "3".
+
+    Raises:
+        DataError: no video is of it.
+    """
+    test = [v.name for v in video_table().values() if getattr(v, kind) == value]
+    if not test:
+        raise DataError(f"split: no video of C3VD has the {kind} {value!r}")
+    rest = [v for v in video_table().values() if v.name not in test]
+    return {
+        "train": [v.name for v in rest if v.split != "val"],
+        "val": [v.name for v in rest if v.split == "val"],
+        "test": test,
+    }
+
+
 def describe(video: str) -> tuple[str, str]:
     """Segment and texture of a video, empty where the table does not list it."""
     row = video_table().get(video)

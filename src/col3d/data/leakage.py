@@ -1,0 +1,57 @@
+"""What the test videos of a split share with those it trains on."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from col3d.data.splits import describe, parse_selection
+
+
+@dataclass(frozen=True)
+class Shared:
+    """One test video, and which training videos share what with it.
+
+    C3VD's videos are of four phantoms, one for each segment, each with some of four textures. Two videos of
+    one phantom and texture show the very same surface.
+    """
+
+    video: str
+    of_video: tuple[str, ...]
+    """Training entries of the same video."""
+    of_surface: tuple[str, ...]
+    """Training videos of the same phantom and texture."""
+    of_phantom: tuple[str, ...]
+    """Training videos of the same phantom, with whatever texture."""
+    of_texture: tuple[str, ...]
+    """Training videos of the same texture, on whatever phantom."""
+
+    @property
+    def worst(self) -> str:
+        """The closest thing that training shares with it, in words."""
+        found = (self.of_video, self.of_surface, self.of_phantom, self.of_texture)
+        names = ("the video itself", "phantom and texture", "the phantom", "the texture")
+        return next((name for name, videos in zip(names, found, strict=True) if videos), "nothing")
+
+
+def shared_with_training(train: Sequence[str], test: Sequence[str]) -> list[Shared]:
+    """For every test video, what it shares with the training videos.
+
+    Args:
+        train: entries of the split, as `parse_selection` reads them.
+        test: likewise; videos of which the table knows nothing share nothing but themselves.
+    """
+    seen = list(dict.fromkeys(parse_selection(entry, [entry.partition(":")[0]]).video for entry in train))
+    tested = dict.fromkeys(parse_selection(entry, [entry.partition(":")[0]]).video for entry in test)
+    return [_shared(video, seen) for video in tested]
+
+
+def _shared(video: str, seen: Sequence[str]) -> Shared:
+    segment, texture = describe(video)
+    known = [other for other in seen if segment and describe(other)[0]]
+    alike = {other: (describe(other)[0] == segment, describe(other)[1] == texture) for other in known}
+    return Shared(
+        video,
+        tuple(other for other in seen if other == video),
+        tuple(other for other in known if other != video and alike[other] == (True, True)),
+        tuple(other for other in known if other != video and alike[other][0]),
+        tuple(other for other in known if other != video and alike[other][1]),
+    )

@@ -1,0 +1,59 @@
+"""Splits that leave a segment or a texture out, and what test videos share with training."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from col3d.checks import DataError
+from col3d.data.leakage import shared_with_training
+from col3d.data.splits import describe, leave_out, paper_split, video_table
+
+SPLITS = Path(__file__).parents[2] / "conf" / "data" / "split"
+FOLDS = [(kind, value) for kind, of_video in (("segment", 0), ("texture", 1)) for value in
+         dict.fromkeys(describe(video)[of_video] for video in video_table())]  # fmt: skip
+
+
+@pytest.mark.parametrize(("kind", "value"), FOLDS)
+def test_the_file_of_a_fold_is_what_the_rule_gives(kind: str, value: str) -> None:
+    name = f"leave_{value}_out" if kind == "segment" else f"leave_texture_{value}_out"
+    stored = yaml.safe_load((SPLITS / f"{name}.yaml").read_text())
+    assert stored == {"name": name, **leave_out(kind, value)}
+
+
+@pytest.mark.parametrize(("kind", "value"), FOLDS)
+def test_a_fold_tests_on_all_of_it_and_learns_from_none(kind: str, value: str) -> None:
+    split = leave_out(kind, value)
+    assert sorted(v for part in split.values() for v in part) == sorted(video_table())
+    of_it = {v.name for v in video_table().values() if getattr(v, kind) == value}
+    assert set(split["test"]) == of_it
+    for row in shared_with_training(split["train"], split["test"]):
+        assert row.of_video == row.of_surface == ()
+        assert (row.of_phantom if kind == "segment" else row.of_texture) == ()
+
+
+def test_there_are_four_folds_of_either_kind() -> None:
+    assert [kind for kind, _ in FOLDS] == ["segment"] * 4 + ["texture"] * 4
+    assert len(list(SPLITS.glob("leave_*.yaml"))) == 8
+
+
+def test_what_the_paper_s_test_videos_share() -> None:
+    split = paper_split()
+    rows = {row.video: row for row in shared_with_training(split["train"], split["test"])}
+    assert {video: row.worst for video, row in rows.items()} == {
+        "cecum_t2_a": "phantom and texture",
+        "desc_t4_a": "the texture",
+        "sigmoid_t3_b": "the phantom",
+        "trans_t3_b": "phantom and texture",
+    }
+    assert rows["cecum_t2_a"].of_surface == ("cecum_t2_b", "cecum_t2_c")
+
+
+def test_frames_of_one_video_on_both_sides_are_told() -> None:
+    rows = shared_with_training(["cecum_t1_a:0-9", "mine"], ["c1v1:20-30", "mine", "other"])
+    assert [row.worst for row in rows] == ["the video itself", "the video itself", "nothing"]
+
+
+def test_nothing_to_leave_out() -> None:
+    with pytest.raises(DataError, match=r"no video of C3VD has the segment 'rectum'"):
+        leave_out("segment", "rectum")
