@@ -41,8 +41,7 @@ def evaluate(given: Mapping[str, Any]) -> None:
         stored = _predicted(subject, frames, protocol.mirror, options)
         facts = facts_of(subject.name, subject.seed, subject.data, options.split, name)
         folder, lengths = _folder(options, name), {str(options.split): len(frames)}
-        split = subject.data.split
-        results = Results(facts, folder, split, lengths, options.panels, protocol.average)
+        results = Results(facts, folder, subject.data, lengths, options.panels, protocol.average)
         _score(stored, frames, name, protocol, subject, results)
         results.write(subject.task, Path(options.checkpoint), {})
 

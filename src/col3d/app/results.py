@@ -30,7 +30,7 @@ class Results:
     Args:
         facts: what is the same for every frame; see `facts_of`.
         folder: where the files go.
-        split: which split the part belongs to.
+        data: the split that the part belongs to, and the size of the frames.
         frames: number of frames of each part.
         panels: how many pictures.
         average: what weighs the same in the means: frame, video or pixel.
@@ -40,15 +40,16 @@ class Results:
         self,
         facts: Facts,
         folder: Path,
-        split: SplitOptions,
+        data: DataOptions,
         frames: Mapping[str, int],
         panels: int,
         average: str = "frame",
     ) -> None:
         self.folder, self.facts, self.average = folder, facts, average
-        shared = {row.video: row.worst for row in _audit(split, str(facts["split"]))}
+        shared = {row.video: row.worst for row in _audit(data.split, str(facts["split"]))}
         self.context: dict[str, Any] = {
-            "split_name": split.name,
+            "split_name": data.split.name,
+            "size": list(data.size),
             "frames_by_split": dict(frames),
             "shared_with_training": shared,
         }

@@ -87,7 +87,7 @@ def _fit_and_test(
     results = Results(
         facts,
         folder.path,
-        options.data.split,
+        options.data,
         data.lengths(),
         options.callbacks.panels,
         protocol.average,
