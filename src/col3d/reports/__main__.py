@@ -1,0 +1,95 @@
+"""`python -m col3d.reports RUNS OUT`: tables, figures and a page of all finished runs below a folder."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from col3d.checks import UserError
+from col3d.reports.experiments import experiments_of
+from col3d.reports.page import Picture, write_report
+from col3d.reports.runs import Found, read_runs
+
+EXIT_CODE = 2
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run from the command line; bad input ends in one line and exit code 2."""
+    given = _parser().parse_args(arguments)
+    try:
+        written = report(given.runs, given.out, given.protocol, given.truth)
+    except (UserError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return EXIT_CODE
+    print("wrote", *written, sep="\n  ")
+    return 0
+
+
+def report(runs: Path, out: Path, protocol: str | None, truth: Path | None) -> list[Path]:
+    """Read runs and write their report.
+
+    Raises:
+        UserError: there is nothing to report.
+    """
+    if not runs.is_dir():
+        raise UserError(f"RUNS: {runs} is no folder")
+    if out.exists() and not out.is_dir():
+        raise UserError(f"OUT: {out} is a file; a folder is needed")
+    found = read_runs(runs)
+    for line in found.left_out:
+        print(f"note: left out: {line}")
+    if not found.runs:
+        raise UserError(
+            f"RUNS: no finished run in {runs}: a run has config.yaml, summary.json, per_frame.csv"
+        )
+    found = _of_protocol(found, protocol)
+    out.mkdir(parents=True, exist_ok=True)
+    experiments = experiments_of(found)
+    pictures, not_drawn = _pictures(found, out / "figures", truth or _beside(runs))
+    return write_report(out, found, experiments, pictures, not_drawn, str(runs))
+
+
+def _beside(runs: Path) -> Path | None:
+    """The frames that benchmark.py keeps beside its runs."""
+    return runs / "truth" if (runs / "truth").is_dir() else None
+
+
+def _of_protocol(found: Found, protocol: str | None) -> Found:
+    """The runs that are scored under a protocol; the others are named as left out."""
+    if protocol is None:
+        return found
+    known = sorted({str(run.summary["protocol"]) for run in found.runs})
+    if protocol not in known:
+        raise UserError(f"--protocol: no run is scored under {protocol!r}; there are {', '.join(known)}")
+    kept = tuple(run for run in found.runs if run.summary["protocol"] == protocol)
+    others = tuple(
+        f"{run.name}: scored under protocol {run.summary['protocol']}, not {protocol}"
+        for run in found.runs
+        if run.summary["protocol"] != protocol
+    )
+    return Found(kept, (*found.left_out, *others))
+
+
+def _pictures(found: Found, folder: Path, truth: Path | None) -> tuple[list[Picture], tuple[str, ...]]:
+    """Figures of the runs, and why others are not drawn."""
+    from col3d.reports.figures import draw
+
+    drawn = draw(found, folder, truth)
+    return [Picture(figure.title, figure.caption, figure.path) for figure in drawn.figures], drawn.left_out
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m col3d.reports", description=__doc__)
+    parser.add_argument("runs", type=Path, metavar="RUNS", help="folder that holds runs, at any depth")
+    parser.add_argument("out", type=Path, metavar="OUT", help="folder that the report is written to")
+    parser.add_argument("--protocol", metavar="NAME", help="take runs scored under this protocol alone")
+    parser.add_argument(
+        "--truth",
+        type=Path,
+        metavar="FOLDER",
+        help="frames of the data set, for figures that show them; RUNS/truth where it is there",
+    )
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,190 @@
+"""Which runs stand in one table: told from their options alone, and only under one setting."""
+
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from col3d.reports.options import at, differing, fingerprint, loss_of
+from col3d.reports.paper_tables import LABELS, SPLIT_PARTS, ablation_label, lambda_label, paper_table
+from col3d.reports.runs import Found, Run
+from col3d.reports.setting import Setting, setting_of
+
+DEPTH_ALONE = ("silog", None, None, None, None, (1.0,))
+"""Terms of a loss (depth, gradients, directions, normals, consistency) and their weights."""
+OWN_LOSSES = {
+    "bts": DEPTH_ALONE,
+    "newcrfs": DEPTH_ALONE,
+    "col3d_mtl": ("silog", None, None, "l1", "rmse", (0.5, 0.3, 0.2)),
+    "pix2pix": ("l1", None, None, None, None, (100.0,)),
+    "monodepth_fpn": ("rmse_log", "l1", "cosine", None, None, (1.0, 10.0, 1.0)),
+}
+"""Of the benchmark: each method's own loss."""
+ABLATION = {
+    "bts": (DEPTH_ALONE,),
+    "bts_cbam": (DEPTH_ALONE,),
+    "bts_cbam_mtl": tuple(("silog", None, None, n, None, (0.5, 0.5)) for n in ("l1", "l2")),
+    "col3d_mtl": tuple(("silog", None, None, n, "rmse", (0.5, 0.3, 0.2)) for n in ("l1", "l2")),
+}
+Label = Callable[[dict[str, Any]], str | None]
+
+
+@dataclass(frozen=True)
+class Repeats:
+    """The runs of one row: the same options with other seeds."""
+
+    label: str
+    runs: tuple[Run, ...]
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """Rows of one table.
+
+    Attributes:
+        name: benchmark, ablation, lambda, or other_1 and so on.
+        left_out: runs that would stand in it but for what each line says.
+        notes: what its rows should share but do not.
+    """
+
+    name: str
+    setting: Setting
+    rows: tuple[Repeats, ...]
+    left_out: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def benchmark_row(options: dict[str, Any]) -> str | None:
+    """The method, where it is trained with its own loss and heads."""
+    model = str(at(options, "model.name"))
+    fits = _plain(options) and loss_of(options) == OWN_LOSSES.get(model)
+    return LABELS[model] if fits else None
+
+
+def ablation_row(options: dict[str, Any]) -> str | None:
+    """One of the six configurations of the paper's ablation."""
+    model, loss = str(at(options, "model.name")), loss_of(options)
+    fits = _plain(options) and loss in ABLATION.get(model, ())
+    return ablation_label(model, loss[3]) if fits else None
+
+
+def lambda_row(options: dict[str, Any]) -> str | None:
+    """The three weights of Col3D-MTL's loss, normals by L1 and consistency by RMSE."""
+    terms, weights = loss_of(options)[:5], loss_of(options)[5]
+    default = OWN_LOSSES["col3d_mtl"][:5]
+    fits = at(options, "model.name") == "col3d_mtl" and _plain(options) and terms == default
+    return lambda_label(weights) if fits else None
+
+
+def _plain(options: dict[str, Any]) -> bool:
+    """Heads and geometry as they are by default."""
+    own = "unc" if at(options, "model.name") in ("bts_cbam_mtl", "col3d_mtl") else "none"
+    heads = at(options, "model.normals") in (own, None)
+    frame = at(options, "model.normal_frame") in ("camera", None)
+    return heads and frame and at(options, "loss.geometry") in ("rays", None)
+
+
+ROWS: dict[str, tuple[Label, list[str]]] = {
+    "benchmark": (benchmark_row, list(paper_table("benchmark"))),
+    "ablation": (ablation_row, list(paper_table("ablation"))),
+    "lambda": (lambda_row, list(paper_table("lambda"))),
+}
+"""Table -> the label of a run in it, and the order in which the paper prints its rows."""
+
+
+def experiments_of(found: Found) -> list[Experiment]:
+    """The tables of the paper that runs serve, then tables of all other runs, one for each setting."""
+    tables = [table for name in ROWS if (table := _experiment(name, found.runs)) is not None]
+    shown = {id(run) for table in tables for row in table.rows for run in row.runs}
+    return tables + _others([run for run in found.runs if id(run) not in shown])
+
+
+def _experiment(name: str, runs: Sequence[Run]) -> Experiment | None:
+    label, order = ROWS[name]
+    by_setting: dict[Setting, list[Run]] = defaultdict(list)
+    for run in runs:
+        if label(run.options) is not None:
+            by_setting[setting_of(run)].append(run)
+    if not by_setting:
+        return None
+    all_settings = [setting_of(run) for run in runs]
+    chosen = max(
+        by_setting,
+        key=lambda setting: (
+            len(by_setting[setting]),
+            setting.part == SPLIT_PARTS[name],
+            all_settings.count(setting),
+            setting.protocol == "house",
+            setting.named,
+        ),
+    )
+    left_out = [
+        f"under another setting ({setting.named}): {_names(others)}"
+        for setting, others in by_setting.items()
+        if setting != chosen
+    ]
+    rows, of_rows = _rows(by_setting[chosen], label)
+    rows.sort(key=lambda row: order.index(row.label) if row.label in order else len(order))
+    return Experiment(name, chosen, tuple(rows), (*left_out, *of_rows), tuple(_training(rows)))
+
+
+def _rows(runs: Sequence[Run], label: Label) -> tuple[list[Repeats], list[str]]:
+    by_label: dict[str, list[Run]] = defaultdict(list)
+    for run in runs:
+        by_label[str(label(run.options))].append(run)
+    rows, notes = [], []
+    for name, of_row in by_label.items():
+        kept, of_it = _repeats(name, of_row)
+        rows.append(kept)
+        notes += of_it
+    return rows, notes
+
+
+def _repeats(label: str, runs: Sequence[Run]) -> tuple[Repeats, list[str]]:
+    """The largest set of runs that differ by their seed alone, and what is left of the others."""
+    alike: dict[str, list[Run]] = defaultdict(list)
+    for run in runs:
+        alike[fingerprint(run.options)].append(run)
+    kept, *rest = sorted(alike.values(), key=len, reverse=True)
+    notes = [
+        f"{label}, for options differ from those of {kept[0].name} in "
+        f"{differing(kept[0].options, others[0].options)}: {_names(others)}"
+        for others in rest
+    ]
+    by_seed: dict[int, Run] = {}
+    for run in sorted(kept, key=lambda run: (len(run.folder.parts), run.name)):
+        first = by_seed.setdefault(int(run.summary["seed"]), run)
+        if first is not run:
+            notes.append(f"{label}, for options and seed are those of {first.name}: {run.name}")
+    return Repeats(label, tuple(by_seed[seed] for seed in sorted(by_seed))), notes
+
+
+def _training(rows: Sequence[Repeats]) -> list[str]:
+    """What rows of a table should share but do not."""
+    notes = []
+    for option in ("trainer.max_epochs", "preset", "model.width"):
+        values = {row.label: at(row.runs[0].options, option) for row in rows}
+        if len(set(map(str, values.values()))) > 1:
+            notes.append(f"{option} differs: " + ", ".join(f"{k} {v}" for k, v in values.items()))
+    counts = {row.label: len(row.runs) for row in rows}
+    if len(set(counts.values())) > 1:
+        notes.append("Repetitions differ: " + ", ".join(f"{k} {n}" for k, n in counts.items()))
+    return notes
+
+
+def _others(runs: Sequence[Run]) -> list[Experiment]:
+    """Runs of no other table, by setting; rows of different options each under the name of its first run."""
+    by_setting: dict[Setting, dict[str, list[Run]]] = defaultdict(lambda: defaultdict(list))
+    for run in runs:
+        by_setting[setting_of(run)][fingerprint(run.options)].append(run)
+    tables = []
+    for number, (setting, alike) in enumerate(by_setting.items(), start=1):
+        pairs = [_repeats(of_row[0].name, of_row) for of_row in alike.values()]
+        left_out = tuple(note for _, of_it in pairs for note in of_it)
+        rows = tuple(row for row, _ in pairs)
+        tables.append(Experiment(f"other_{number}", setting, rows, left_out, ()))
+    return tables
+
+
+def _names(runs: Sequence[Run]) -> str:
+    return ", ".join(run.name for run in runs)

@@ -1,0 +1,54 @@
+"""Reads config.yaml of runs: single options, and whether two runs are repetitions of each other."""
+
+import json
+from typing import Any
+
+UNRELATED = {"seed", "overwrite", "output_dir", "preset", "variant", "logger", "callbacks", "protocol"}
+"""Groups and options that may differ between repetitions; the protocol is part of a table's setting."""
+UNRELATED_INSIDE = {"data.root", "data.workers", "trainer.accelerator"}
+TERMS = ("depth", "gradients", "directions", "normals", "consistency")
+Loss = tuple[Any, ...]
+"""What measures each of the terms, or None, and a tuple of their weights."""
+
+
+def at(options: dict[str, Any], path: str) -> Any:
+    """The value of a dotted option, None where an older run does not have it."""
+    node: Any = options
+    for key in path.split("."):
+        node = node.get(key) if isinstance(node, dict) else None
+    return node
+
+
+def loss_of(options: dict[str, Any]) -> Loss:
+    """Terms and weights of a run's loss."""
+    weights = at(options, "loss.lambdas") or ()
+    return (*(at(options, f"loss.{term}") for term in TERMS), tuple(float(weight) for weight in weights))
+
+
+def fingerprint(options: dict[str, Any]) -> str:
+    """The same for runs that differ by their seed and by where and how they are written."""
+    return json.dumps(_related(options), sort_keys=True, default=str)
+
+
+def differing(one: dict[str, Any], other: dict[str, Any]) -> str:
+    """Names and values of the options in which runs differ, as text."""
+    ours, theirs = _related(one), _related(other)
+    names = sorted(name for name in ours.keys() | theirs.keys() if ours.get(name) != theirs.get(name))
+    return ", ".join(f"{name} ({ours.get(name)}, {theirs.get(name)})" for name in names)
+
+
+def _related(options: dict[str, Any]) -> dict[str, Any]:
+    """Dotted options that matter; what is None counts as not given, so that older runs stay alike."""
+    flat = {name: value for name, value in _dotted(options, "") if value is not None}
+    unread = {"phantom"} if at(options, "data.name") != "phantom" else set()
+    return {
+        name: value
+        for name, value in flat.items()
+        if name.partition(".")[0] not in UNRELATED | unread and name not in UNRELATED_INSIDE
+    }
+
+
+def _dotted(node: Any, prefix: str) -> list[tuple[str, Any]]:
+    if not isinstance(node, dict):
+        return [(prefix, node)]
+    return [pair for key, value in node.items() for pair in _dotted(value, f"{prefix}.{key}".strip("."))]

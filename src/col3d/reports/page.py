@@ -1,0 +1,149 @@
+"""The report: one HTML page that needs nothing beside it, the same as Markdown, and each table as files."""
+
+import base64
+import mimetypes
+import platform
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from col3d.reports import render
+from col3d.reports.breakdowns import cost_table, segment_table, video_table
+from col3d.reports.compose import PHANTOM, difference_tables, main_table, title_of
+from col3d.reports.experiments import Experiment
+from col3d.reports.runs import Found, Run
+from col3d.reports.tables import Table, marks
+
+NOT_RECORDED = "not recorded"
+BY_PART = ("benchmark", "ablation")
+"""Experiments that are also shown by segment and by video."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure of the report.
+
+    Attributes:
+        path: of a PNG or SVG file inside the report's folder.
+    """
+
+    title: str
+    caption: str
+    path: Path
+
+
+def tables_of(experiments: Sequence[Experiment]) -> list[Table]:
+    """Every table of a report, in its order."""
+    tables: list[Table | None] = []
+    for experiment in experiments:
+        tables += [main_table(experiment), *difference_tables(experiment)]
+        if experiment.name in BY_PART:
+            tables += [segment_table(experiment), video_table(experiment)]
+    return [table for table in (*tables, cost_table(experiments)) if table is not None]
+
+
+def write_report(
+    out: Path,
+    found: Found,
+    experiments: Sequence[Experiment],
+    pictures: Sequence[Picture],
+    not_drawn: Sequence[str],
+    source: str,
+) -> list[Path]:
+    """Write report.html, report.md and tables/ into a folder.
+
+    Args:
+        out: the folder; made where it is not there.
+        found: for the sections of runs and of what is left out.
+        experiments: what the tables are of.
+        pictures: figures, already drawn.
+        not_drawn: a line for each figure that is not there, and why.
+        source: how the runs are called: the folder that was searched.
+
+    Returns:
+        What was written.
+    """
+    tables = tables_of(experiments)
+    facts = {
+        "source": source,
+        "tables": tables,
+        "pictures": pictures,
+        "not_drawn": not_drawn,
+        "runs": [_facts(run) for run in found.runs],
+        "left_out": [*found.left_out, *_not_in_tables(experiments)],
+        "phantom": PHANTOM if any(e.setting.data == "phantom" for e in experiments) else "",
+        "versions": f"Python {platform.python_version()}",
+        "out": out,
+    }
+    written = _write_tables(out / "tables", tables)
+    for name in ("report.html", "report.md"):
+        text = _environment(name).get_template(f"{name}.j2").render(facts)
+        (out / name).write_text(text, encoding="utf-8")
+    return [out / "report.html", out / "report.md", *written, *(picture.path for picture in pictures)]
+
+
+def _not_in_tables(experiments: Sequence[Experiment]) -> list[str]:
+    return [f"{title_of(experiment)}: {line}" for experiment in experiments for line in experiment.left_out]
+
+
+def _write_tables(folder: Path, tables: Sequence[Table]) -> list[Path]:
+    """Each table as Markdown, LaTeX and CSV; those of an earlier report are removed."""
+    folder.mkdir(parents=True, exist_ok=True)
+    formats = {"md": render.markdown, "tex": render.latex, "csv": render.comma_separated}
+    for ending in formats:
+        for old in folder.glob(f"*.{ending}"):
+            old.unlink()
+    written = []
+    for table in tables:
+        for ending, write in formats.items():
+            written.append(folder / f"{table.name}.{ending}")
+            written[-1].write_text(write(table), encoding="utf-8")
+    return written
+
+
+def _environment(name: str) -> Environment:
+    """Templates with what they call; HTML is escaped, Markdown is not."""
+    environment = Environment(
+        loader=PackageLoader("col3d.reports"),
+        autoescape=name.endswith(".html"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.globals |= {
+        "heading": render.heading,
+        "number": render.number,
+        "interval": render.interval,
+        "paper": render.paper,
+        "markdown": render.markdown,
+        "marks": marks,
+        "data_uri": data_uri,
+    }
+    return environment
+
+
+def data_uri(path: Path) -> str:
+    """A picture as text that stands in the page itself."""
+    kind = mimetypes.guess_type(path.name)[0] or "application/octet-stream"
+    return f"data:{kind};base64,{base64.b64encode(path.read_bytes()).decode('ascii')}"
+
+
+def _facts(run: Run) -> dict[str, Any]:
+    """What the section on runs says of one."""
+    summary = run.summary
+    versions = summary.get("versions") or {}
+    best = summary.get("best") or {}
+    return {
+        "name": run.name,
+        "about": f"{summary['model']}, seed {summary['seed']}, {summary['data']}, {summary['split']} part, "
+        f"protocol {summary['protocol']}, {summary['frames']} frames",
+        "command": summary.get("command") or NOT_RECORDED,
+        "commit": summary.get("commit") or NOT_RECORDED,
+        "versions": ", ".join(f"{name} {version}" for name, version in versions.items()) or NOT_RECORDED,
+        "best": ", ".join(f"{name} {value:.4g}" for name, value in best.items() if value is not None),
+        "config": yaml.safe_dump(run.options, sort_keys=False),
+    }

@@ -1,0 +1,57 @@
+"""What numbers have to share to stand in one table: data, split, part, protocol, size and frames."""
+
+import hashlib
+import json
+from dataclasses import dataclass
+
+from col3d.reports.options import at
+from col3d.reports.runs import Run
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Equal for runs that were trained on the same videos and scored on the same frames in the same way.
+
+    Attributes:
+        digest: of the lists of videos and of the frames that were scored.
+    """
+
+    data: str
+    split: str
+    part: str
+    protocol: str
+    average: str
+    size: str
+    frames: int
+    videos: int
+    digest: str
+
+    def __str__(self) -> str:
+        return (
+            f"{self.data}, split {self.split}, {self.part} part, protocol {self.protocol}, size {self.size}, "
+            f"{self.frames} frames of {self.videos} video{'s' if self.videos > 1 else ''}"
+        )
+
+    @property
+    def named(self) -> str:
+        """With the digest: two settings may differ by nothing else."""
+        return f"{self}, list {self.digest}"
+
+
+def setting_of(run: Run) -> Setting:
+    """The setting that a run was scored in."""
+    of_summary = at(run.summary, "size") or at(run.summary, "cost.size")
+    size = of_summary or at(run.options, "data.size") or ("unknown",)
+    scored = list(zip(run.frames["video"].tolist(), run.frames["frame"].tolist(), strict=True))
+    lists = json.dumps([at(run.options, "data.split"), scored], sort_keys=True)
+    return Setting(
+        data=str(run.summary["data"]),
+        split=str(run.summary["split_name"]),
+        part=str(run.summary["split"]),
+        protocol=str(run.summary["protocol"]),
+        average=str(run.summary.get("average", "frame")),
+        size=" x ".join(map(str, size)),
+        frames=len(scored),
+        videos=len({video for video, _ in scored}),
+        digest=hashlib.sha1(lists.encode()).hexdigest()[:6],
+    )

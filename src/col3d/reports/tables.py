@@ -1,0 +1,127 @@
+"""A table of results: what every cell holds, and which are best."""
+
+from dataclasses import dataclass, replace
+
+
+@dataclass(frozen=True)
+class Column:
+    """What a column measures and how it is printed.
+
+    Attributes:
+        key: name in files.
+        heading: for people.
+        latex: heading in LaTeX.
+        better: "down", "up", or "" where neither is.
+        decimals: digits after the point.
+        scale: what values of `per_frame.csv` are multiplied by: 100 for shares that the paper has in percent.
+    """
+
+    key: str
+    heading: str
+    latex: str
+    better: str = ""
+    decimals: int = 3
+    scale: float = 1.0
+    unit: str = ""
+
+    @property
+    def file_key(self) -> str:
+        """Name in CSV files: says where values are not those of `per_frame.csv`."""
+        return f"{self.key}_percent" if self.scale == 100 else self.key
+
+    def text(self, value: float) -> str:
+        """A number as it is printed."""
+        return f"{value:.{self.decimals}f}"
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A number of ours in the column's unit, how sure it is, and the paper's."""
+
+    value: float | None = None
+    std: float | None = None
+    low: float | None = None
+    high: float | None = None
+    paper: float | None = None
+    paper_std: float | None = None
+
+
+@dataclass(frozen=True)
+class Line:
+    """A row: texts under the table's heads, then cells under its columns."""
+
+    heads: tuple[str, ...]
+    cells: tuple[Cell, ...]
+
+
+@dataclass(frozen=True)
+class Table:
+    """What a report shows.
+
+    Attributes:
+        name: of its files.
+        heads: headings of the leading texts.
+        grouped: whether rows compete only with those of the same first text.
+    """
+
+    name: str
+    title: str
+    caption: str
+    heads: tuple[str, ...]
+    columns: tuple[Column, ...]
+    rows: tuple[Line, ...]
+    notes: tuple[str, ...] = ()
+    grouped: bool = False
+
+
+METRICS = {
+    column.key: column
+    for column in (
+        Column("abs_rel", "Abs Rel", "Abs Rel", "down"),
+        Column("sq_rel", "Sq Rel", "Sq Rel", "down", unit="mm"),
+        Column("log10", "log10", r"$\log_{10}$", "down"),
+        Column("rmse", "RMSE", "RMSE", "down", unit="mm"),
+        Column("rmse_log", "RMSE log", r"RMSE$_{\log}$", "down"),
+        Column("silog", "SILog", "SILog", "down", unit="%"),
+        Column("delta1", "δ1", r"$\delta_1$", "up"),
+        Column("delta2", "δ2", r"$\delta_2$", "up"),
+        Column("delta3", "δ3", r"$\delta_3$", "up"),
+        Column("delta_1_1", "δ < 1.1", r"$\delta_{1.1}$", "up"),
+        Column("angle_mean", "Mean Ang", "Mean Ang", "down", unit="°"),
+        Column("angle_median", "Median Ang", "Median Ang", "down", unit="°"),
+        Column("within_11_25", "< 11.25°", r"$\delta_{11.25^\circ}$", "up", scale=100.0, unit="%"),
+        Column("within_22_5", "< 22.5°", r"$\delta_{22.5^\circ}$", "up", scale=100.0, unit="%"),
+        Column("within_30", "< 30°", r"$\delta_{30^\circ}$", "up", scale=100.0, unit="%"),
+    )
+}
+"""Every metric in the paper's order and units."""
+DEPTH = tuple(METRICS)[:9]
+NORMALS = tuple(METRICS)[10:]
+
+
+def signed(column: Column) -> Column:
+    """The column for differences, in which no row is best."""
+    return replace(column, better="")
+
+
+def marks(table: Table) -> list[list[str]]:
+    """`best`, `second` or nothing for each cell, by what is printed: equal numbers are marked alike."""
+    found = [["" for _ in table.columns] for _ in table.rows]
+    groups: dict[str, list[int]] = {}
+    for i, row in enumerate(table.rows):
+        groups.setdefault(row.heads[0] if table.grouped else "", []).append(i)
+    for members in groups.values():
+        for j, column in enumerate(table.columns):
+            for i, mark in _ranked(table, members, j, column).items():
+                found[i][j] = mark
+    return found
+
+
+def _ranked(table: Table, members: list[int], j: int, column: Column) -> dict[int, str]:
+    values = {i: table.rows[i].cells[j].value for i in members}
+    printed = {i: float(column.text(value)) for i, value in values.items() if value is not None}
+    if len(printed) < 2 or not column.better:
+        return {}
+    order = sorted(set(printed.values()), reverse=column.better == "up")
+    names = dict(zip(order, ("best", "second"), strict=False))
+    return {i: names[value] for i, value in printed.items() if value in names}

@@ -1,0 +1,153 @@
+"""What counts as a finished run, and the words for everything that does not."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from col3d.reports.per_frame import read_per_frame, write_per_frame
+from col3d.reports.runs import read_runs
+from tests.reports.fake_runs import change_summary, write_run
+
+
+def test_columns_are_arrays_in_order(tmp_path: Path) -> None:
+    folder = write_run(tmp_path / "a" / "b", "bts", videos=("trans_t3_b", "cecum_t2_a"))
+    table = folder / "per_frame.csv"
+    rows = read_per_frame(table)
+    write_per_frame(table, rows[::-1])
+    (run,) = read_runs(tmp_path).runs
+    assert run.name == "a/b"
+    assert run.frames["video"].tolist() == ["cecum_t2_a"] * 6 + ["trans_t3_b"] * 6
+    assert run.frames["frame"].tolist() == [*range(6), *range(6)]
+    assert run.frames["abs_rel"][0] == float(rows[6]["abs_rel"])
+    assert np.isnan(run.frames["angle_mean"]).all()
+    assert run.frames["pixels"].tolist() == [*range(1000, 1006)] * 2
+    assert run.options["model"]["name"] == run.summary["model"] == "bts"
+
+
+def test_the_folder_itself_may_be_a_run(tmp_path: Path) -> None:
+    write_run(tmp_path / "mine")
+    assert [run.name for run in read_runs(tmp_path / "mine").runs] == ["mine"]
+
+
+def test_columns_that_older_tables_lack_are_empty(tmp_path: Path) -> None:
+    table = write_run(tmp_path / "old") / "per_frame.csv"
+    lines = [line.rsplit(",", 2)[0] for line in table.read_text().splitlines()]
+    table.write_text("\n".join(lines) + "\n")
+    (run,) = read_runs(tmp_path).runs
+    assert np.isnan(run.frames["delta_1_1"]).all()
+    assert np.isnan(run.frames["pixels"]).all()
+    assert np.isfinite(run.frames["abs_rel"]).all()
+
+
+def test_an_evaluation_takes_the_options_of_its_run(tmp_path: Path) -> None:
+    write_run(tmp_path / "a", model__width=192)
+    write_run(tmp_path / "a", evaluation="evaluation_val", facts={"split": "val"})
+    found = read_runs(tmp_path)
+    assert [run.name for run in found.runs] == ["a", "a/evaluation_val"]
+    assert [run.options["model"]["width"] for run in found.runs] == [192, 192]
+    assert found.left_out == ()
+
+
+def rewrite(name: str, old: str, new: str) -> Callable[[Path], None]:
+    def change(folder: Path) -> None:
+        path = folder / name
+        assert old in path.read_text()
+        path.write_text(path.read_text().replace(old, new, 1))
+
+    return change
+
+
+def lose(name: str) -> Callable[[Path], None]:
+    return lambda folder: (folder / name).unlink()
+
+
+def cut(name: str, share: float) -> Callable[[Path], None]:
+    def change(folder: Path) -> None:
+        text = (folder / name).read_text()
+        (folder / name).write_text(text[: int(len(text) * share)])
+
+    return change
+
+
+def first_value(text: str) -> Callable[[Path], None]:
+    def change(folder: Path) -> None:
+        rows = read_per_frame(folder / "per_frame.csv")
+        rows[3]["rmse"] = text
+        write_per_frame(folder / "per_frame.csv", rows)
+
+    return change
+
+
+def same_frame_twice(folder: Path) -> None:
+    rows = read_per_frame(folder / "per_frame.csv")
+    rows[3]["frame"] = rows[2]["frame"]
+    write_per_frame(folder / "per_frame.csv", rows)
+
+
+def of_another_seed(folder: Path) -> None:
+    rows = read_per_frame(folder / "per_frame.csv")
+    rows[3]["seed"] = "7"
+    write_per_frame(folder / "per_frame.csv", rows)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "reason"),
+    [
+        (lose("summary.json"), r"not finished, summary\.json is missing"),
+        (lose("per_frame.csv"), r"not finished, per_frame\.csv is missing"),
+        (lose("config.yaml"), r"summary\.json without a config\.yaml: what was trained is not known"),
+        (cut("summary.json", 0.5), r"summary\.json is half written or broken"),
+        (cut("per_frame.csv", 0.5), r"per_frame\.csv "),
+        (rewrite("config.yaml", "model:", "model: ["), r"config\.yaml cannot be read"),
+        (rewrite("config.yaml", "loss:", "lost:"), r"config\.yaml is not that of a run: model, loss, data"),
+        (
+            rewrite("per_frame.csv", "rmse_log", "surprise"),
+            r"per_frame\.csv cannot be read: columns rmse_log",
+        ),
+        (lambda folder: change_summary(folder, seed=None, frames=None), r"summary\.json lacks seed, frames"),
+        (lambda folder: change_summary(folder, frames=25), r"has 24 frames, summary\.json says 25"),
+        (
+            lambda folder: change_summary(folder, protocol="native"),
+            r"has protocol house, summary\.json has nat",
+        ),
+        (first_value("nan"), r"rmse is not finite in frame 3 of cecum_t2_a \(1 values in all\)"),
+        (first_value("inf"), r"rmse is not finite in frame 3 of cecum_t2_a"),
+        (first_value("much"), r"per_frame\.csv cannot be read: 'much'"),
+        (same_frame_twice, r"per_frame\.csv has frame 2 of cecum_t2_a twice"),
+        (of_another_seed, r"per_frame\.csv has seed 7, summary\.json has 0"),
+    ],
+)
+def test_what_is_left_out_says_why(tmp_path: Path, spoil: Callable[[Path], None], reason: str) -> None:
+    write_run(tmp_path / "whole")
+    spoil(write_run(tmp_path / "spoilt"))
+    found = read_runs(tmp_path)
+    assert [run.name for run in found.runs] == ["whole"]
+    (line,) = found.left_out
+    assert line.startswith("spoilt: ")
+    with pytest.raises(AssertionError, match=reason):
+        raise AssertionError(line)
+
+
+def test_other_weights_and_unfinished_runs_are_named(tmp_path: Path) -> None:
+    write_run(tmp_path / "a")
+    write_run(tmp_path / "a", evaluation="evaluation_last_test", facts={"checkpoint": "/x/last.ckpt"})
+    write_run(tmp_path / "b")
+    write_run(tmp_path / "b", evaluation="evaluation_test")
+    (tmp_path / "b" / "summary.json").unlink()
+    assert read_runs(tmp_path).left_out == (
+        "a/evaluation_last_test: scores /x/last.ckpt, not the best weights of its run",
+        "b: not finished, summary.json is missing",
+        "b/evaluation_test: an evaluation of b, which is not finished",
+    )
+
+
+def test_folders_of_other_programs_are_no_runs(tmp_path: Path) -> None:
+    write_run(tmp_path / "a")
+    for inside in ("wandb/offline-run-1/files", ".hydra"):
+        (tmp_path / "a" / inside).mkdir(parents=True)
+        (tmp_path / "a" / inside / "config.yaml").write_text("wandb_version: 1\n")
+    found = read_runs(tmp_path)
+    assert [run.name for run in found.runs] == ["a"]
+    assert found.left_out == ()
