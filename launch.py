@@ -82,7 +82,7 @@ def sweep_of(experiment: str, seeds: Sequence[int]) -> list[list[str]]:
     known = [name for name, params in sorted(sweeping.items()) if params]
     if experiment not in known:
         raise UserError(
-            f"experiments: expected some of {', '.join(known)}, got {experiment!r}"
+            f"benchmark.experiments: expected some of {', '.join(known)}, got {experiment!r}"
             f"{nearest_name(experiment, known)}"
         )
     params = {**sweeping[experiment], "seed": ",".join(map(str, seeds))}

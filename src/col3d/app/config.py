@@ -339,6 +339,12 @@ class BenchmarkOptions(Options):
     output: str
 
 
+class BenchmarkFile(Options):
+    """The part of the configuration that is `benchmark.py`'s own."""
+
+    benchmark: BenchmarkOptions
+
+
 class PrepareOptions(Options):
     """Everything that `prepare.py` takes."""
 

@@ -1,0 +1,102 @@
+"""The paper's experiments as jobs, each run once, and their report."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from test_launch import PROJECT, call
+from tiny_run import TINY, composed
+
+from col3d.app.benchmark import Job, distinct, make_job, run_benchmark
+from col3d.checks import UserError
+from launch import sweep_of
+
+Compose = Callable[..., dict[str, Any]]
+
+
+def jobs_of(*experiments: str, seeds: tuple[int, ...] = (0,)) -> list[Job]:
+    rows = [row for name in experiments for row in sweep_of(name, seeds)]
+    return [make_job(row, composed("train", *row, f"output_dir=runs/{i}")) for i, row in enumerate(rows)]
+
+
+def test_the_ablation_has_the_rows_of_the_paper() -> None:
+    rows = [
+        (j.options.model.name, j.options.loss.normals, j.options.loss.consistency)
+        for j in jobs_of("ablation")
+    ]
+    assert rows == [
+        ("bts", None, None),
+        ("bts_cbam", None, None),
+        ("bts_cbam_mtl", "l1", None),
+        ("bts_cbam_mtl", "l2", None),
+        ("col3d_mtl", "l1", "rmse"),
+        ("col3d_mtl", "l2", "rmse"),
+    ]
+
+
+def test_the_lambda_study_has_the_rows_of_the_paper() -> None:
+    found = [tuple(job.options.loss.lambdas) for job in jobs_of("lambda_study")]
+    table = PROJECT / "src" / "col3d" / "reports" / "paper" / "lambda_val.csv"
+    printed = [tuple(map(float, line.split(",")[:3])) for line in table.read_text().splitlines()[1:]]
+    assert found == printed
+
+
+def test_what_experiments_share_is_run_once() -> None:
+    jobs = jobs_of("ablation", "lambda_study", "benchmark")
+    assert (len(jobs), len(distinct(jobs))) == (19, 16)
+    twice = jobs_of("benchmark", seeds=(3, 4))
+    assert len(distinct(twice)) == 10
+    assert {job.options.seed for job in twice} == {3, 4}
+
+
+def test_an_experiment_that_sweeps_over_nothing_is_refused() -> None:
+    with pytest.raises(
+        UserError, match=r"benchmark\.experiments: expected some of ablation, benchmark, lambda_study, got"
+    ):
+        sweep_of("overfit", [0])
+
+
+@pytest.mark.filterwarnings("ignore:.*pin_memory.*")
+def test_jobs_are_run_once_and_reported_and_one_that_fails_is_named(
+    phantom_root: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    output = tmp_path / "benchmark"
+
+    def job(name: str, *overrides: str) -> Job:
+        asked = [*TINY, f"data.root={phantom_root}", "callbacks.predictions=true", *overrides]
+        return make_job(asked, composed("train", *asked, f"output_dir={output / 'runs' / name}"))
+
+    jobs = [
+        job("bts", "model=bts"),
+        job("bts_again", "model=bts"),
+        job("bad", "model=bts", "optimizer.lr=1e30"),
+    ]
+    with pytest.raises(UserError, match=r"failed: .*/runs/bad: error: .*optimizer\.lr"):
+        run_benchmark(jobs, PROJECT / "train.py", output, parallel=2)
+    said = capfd.readouterr().out
+    assert "2 runs, 0 of them finished before" in said
+    assert "run 2 of 2" in said
+    assert json.loads((output / "runs" / "bts" / "summary.json").read_text())["commit"] != ""
+    page = (output / "report" / "report.html").read_text()
+    assert "BTS" in page
+    assert "A phantom is not C3VD" in page
+    assert (output / "report" / "figures" / "data_sheet.png").is_file()
+    before = (output / "runs" / "bts" / "log.txt").stat().st_mtime_ns
+    run_benchmark(jobs[:1], PROJECT / "train.py", output, parallel=2)
+    assert "1 runs, 1 of them finished before" in capfd.readouterr().out
+    assert (output / "runs" / "bts" / "log.txt").stat().st_mtime_ns == before
+
+
+def test_bad_input_is_one_line(tmp_path: Path) -> None:
+    for arguments, message in (
+        (["benchmark.experiments=[overfit]"], "experiments: expected some of"),
+        (["benchmark.seeds=[]"], "benchmark.seeds: expected"),
+        (["model.widht=3"], "model.widht"),
+        (["optimizer.lr=-1"], "optimizer.lr: expected greater than 0"),
+    ):
+        answer = call("benchmark.py", *arguments, cwd=tmp_path)
+        assert answer.returncode == 2
+        assert message in answer.stderr
+        assert "Traceback" not in answer.stderr
