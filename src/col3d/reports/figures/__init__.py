@@ -1,0 +1,70 @@
+"""Figures of a report, drawn from the tables of runs, their stored predictions and the truth.
+
+Import this package only where figures are drawn: it needs matplotlib.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from col3d.reports.figures import (
+    ablation_errors,
+    data_sheet,
+    error_against,
+    lambda_study,
+    per_segment_samples,
+    per_video,
+    qualitative,
+    qualitative_normals,
+    training_curves,
+)
+from col3d.reports.figures.figure import Drawn, Figure, MissingError
+from col3d.reports.figures.material import Material, material_of
+from col3d.reports.runs import Found
+
+__all__ = ["DRAW", "Drawn", "Figure", "draw", "draw_all"]
+
+DRAW: dict[str, tuple[str, Callable[[Material, Path], Figure]]] = {
+    module.__name__.rpartition(".")[2]: (module.TITLE, module.draw)
+    for module in (
+        data_sheet,
+        qualitative,
+        qualitative_normals,
+        per_segment_samples,
+        per_video,
+        error_against,
+        ablation_errors,
+        lambda_study,
+        training_curves,
+    )
+}
+"""Name of a figure and of its file -> its title, and what draws it; in the order of a report."""
+
+
+def draw_all(found: Found, out: Path, truth: Path | None) -> list[Figure]:
+    """The figures that runs allow; `draw` also says why others are left out."""
+    return list(draw(found, out, truth).figures)
+
+
+def draw(found: Found, out: Path, truth: Path | None) -> Drawn:
+    """Draw every figure that runs allow.
+
+    Args:
+        found: the runs.
+        out: folder of the PNG files; made where it is not there, figures of before are replaced or removed.
+        truth: folder that `col3d.app.truth.keep_truth` wrote, where there is one.
+
+    Returns:
+        The figures in the order of a report, and for each that is left out a line that says why.
+    """
+    if not found.runs:
+        return Drawn((), ("figures: there is no run",))
+    material = material_of(found, truth)
+    out.mkdir(parents=True, exist_ok=True)
+    figures, left_out = [], []
+    for name, (title, draw_one) in DRAW.items():
+        (out / f"{name}.png").unlink(missing_ok=True)
+        try:
+            figures.append(draw_one(material, out))
+        except MissingError as error:
+            left_out.append(f"figure {title!r}: {error}")
+    return Drawn(tuple(figures), tuple(left_out))

@@ -1,0 +1,84 @@
+"""Errors of the rows of the ablation on the same frames."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from col3d.reports.figures.captions import COLOURS, UNSCALED, about, missing, seeds, sentences
+from col3d.reports.figures.choice import best_average_worst
+from col3d.reports.figures.figure import Figure, MissingError, save
+from col3d.reports.figures.maps import Frame, Guess, Truth, frame_value, read_guess, read_truth
+from col3d.reports.figures.material import Material, Method
+from col3d.reports.figures.qualitative import chosen_by
+from col3d.reports.figures.sheet import Scale, Sheet, errors_up_to, range_of
+from col3d.reports.predictions import StoredPredictions
+
+TITLE = "Errors of the ablation"
+
+
+def draw(material: Material, out: Path) -> Figure:
+    """Draw it.
+
+    Raises:
+        MissingError: truth or predictions are not there, or there is nothing to compare.
+    """
+    truth, group = material.known_truth(), material.groups.get("ablation")
+    if group is None or len(group.methods) < 2:
+        raise MissingError("fewer than two rows of the ablation were run")
+    methods = group.with_predictions()
+    best = group.best(methods)
+    path = out / "ablation_errors.png"
+    _sheet(path, truth, methods, best_average_worst(best.shown))
+    caption = sentences(
+        "Each frame, and for each row of the ablation the absolute error of its depth, with the angular "
+        "error of its normals below where it predicts them; one scale for all maps of a quantity.",
+        chosen_by(group, best),
+        UNSCALED,
+        COLOURS,
+        seeds(methods),
+        missing(methods, group.methods),
+        about(group),
+    )
+    return Figure(TITLE, caption, path)
+
+
+def _sheet(
+    path: Path, truth: StoredPredictions, methods: Sequence[Method], chosen: Mapping[Frame, str]
+) -> None:
+    truths = {frame: read_truth(truth, frame) for frame in chosen}
+    guesses = {frame: [read_guess(m, frame, truths[frame]) for m in methods] for frame in chosen}
+    scales = _scales(truths, guesses)
+    step = 2 if "angle" in scales else 1
+    sheet = Sheet([2, 1][:step] * len(chosen), 1 + len(methods), scales)
+    for number, (frame, name) in enumerate(chosen.items()):
+        row, known = step * number, truths[frame]
+        sheet.image(row, 0, known.image, f"{name}, frame {frame[1]}\n{frame[0]}")
+        if "depth" in scales:
+            sheet.map(row + 1, 0, "depth", known.depth, known.mask, "true depth")
+        for column, (method, guess) in enumerate(zip(methods, guesses[frame], strict=True), start=1):
+            value = f"depth, Abs Rel {frame_value(method, frame, 'abs_rel'):.3f}"
+            title = f"{method.label}\n{value}" if row == 0 else value
+            sheet.map(row, column, "error", guess.error, known.mask, title)
+            if "angle" in scales:
+                _angle(sheet, (row + 1, column), guess, known, frame_value(method, frame, "angle_mean"))
+    save(sheet.canvas, path)
+
+
+def _scales(
+    truths: Mapping[Frame, Truth], guesses: Mapping[Frame, Sequence[Guess]]
+) -> dict[str, Scale | None]:
+    pairs = [(guess, truths[frame]) for frame, of_it in guesses.items() for guess in of_it]
+    angles = [(guess.angle, known.mask_of_normals) for guess, known in pairs if guess.angle is not None]
+    scales: dict[str, Scale | None] = {
+        "error": errors_up_to((guess.error, known.mask) for guess, known in pairs),
+    }
+    if angles:  # then there is a second row, with room for the truth
+        scales["depth"] = range_of((known.depth, known.mask) for known in truths.values())
+        scales["angle"] = errors_up_to(angles)
+    return scales
+
+
+def _angle(sheet: Sheet, place: tuple[int, int], guess: Guess, truth: Truth, mean: float) -> None:
+    if guess.angle is None:
+        sheet.text(*place, "predicts\nno normals")
+    else:
+        sheet.map(*place, "angle", guess.angle, truth.mask_of_normals, f"normals, mean {mean:.1f}°")

@@ -1,0 +1,56 @@
+"""Sentences of captions: which data and protocol, whose predictions, how frames were chosen."""
+
+from collections.abc import Iterable, Sequence
+
+from col3d.reports.compose import PHANTOM
+from col3d.reports.figures.material import Group, Method
+
+UNSCALED = "Predictions are as networks gave them, not scaled to the truth."
+COLOURS = "Colours end where 98 % of the values do; grey does not count."
+NORMALS = "Normals are in the colours of the ball: red to the right, green up, blue towards the camera."
+
+
+def about(group: Group) -> str:
+    """The setting, and that a phantom is one."""
+    said = f"Data: {group.setting}."
+    return f"{said} {PHANTOM}" if group.setting.data == "phantom" else said
+
+
+def about_training(group: Group) -> str:
+    """The data of trainings, and that a phantom is one."""
+    setting = group.setting
+    said = f"Data: {setting.data}, split {setting.split}, size {setting.size}."
+    return f"{said} {PHANTOM}" if setting.data == "phantom" else said
+
+
+def seeds(methods: Sequence[Method]) -> str:
+    """Which run of each method is drawn."""
+    by_seed: dict[int, list[str]] = {}
+    for method in methods:
+        by_seed.setdefault(int(method.shown.summary["seed"]), []).append(method.label)
+    if len(by_seed) == 1:
+        return f"Predictions of seed {next(iter(by_seed))}."
+    return (
+        "Predictions of " + "; ".join(f"seed {s}: {', '.join(of_it)}" for s, of_it in by_seed.items()) + "."
+    )
+
+
+def repeats(methods: Sequence[Method]) -> str:
+    """How many seeds are pooled."""
+    counts = {method.label: len(method.runs) for method in methods}
+    if len(set(counts.values())) == 1:
+        number = next(iter(counts.values()))
+        return "One seed a method." if number == 1 else f"{number} seeds a method, pooled."
+    return "Seeds pooled: " + ", ".join(f"{label} {number}" for label, number in counts.items()) + "."
+
+
+def missing(shown: Iterable[Method], all_of_them: Iterable[Method]) -> str:
+    """Which methods of a table are not in the figure."""
+    labels = {method.label for method in shown}
+    absent = [method.label for method in all_of_them if method.label not in labels]
+    return f"Not shown: {', '.join(absent)}." if absent else ""
+
+
+def sentences(*parts: str) -> str:
+    """A caption of those that are not empty."""
+    return " ".join(part for part in parts if part)

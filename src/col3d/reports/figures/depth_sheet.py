@@ -1,0 +1,51 @@
+"""Frames by methods: predicted depth, and its errors below."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from col3d.reports.figures.figure import save
+from col3d.reports.figures.maps import Frame, Guess, Truth, frame_value, read_guess, read_truth
+from col3d.reports.figures.material import Method
+from col3d.reports.figures.sheet import Sheet, errors_up_to, range_of
+from col3d.reports.predictions import StoredPredictions
+
+
+def draw_depth(
+    path: Path, truth: StoredPredictions, methods: Sequence[Method], chosen: Mapping[Frame, str]
+) -> None:
+    """Two rows a frame: the image and predictions; below, true depth and the errors.
+
+    Args:
+        path: of the PNG file.
+        truth: of the frames.
+        methods: a column each.
+        chosen: frame -> what it was chosen as.
+
+    Raises:
+        MissingError: a map is not kept.
+    """
+    truths = {frame: read_truth(truth, frame) for frame in chosen}
+    guesses = {frame: [read_guess(m, frame, truths[frame]) for m in methods] for frame in chosen}
+    scales = {
+        "depth": range_of((t.depth, t.mask) for t in truths.values()),
+        "error": errors_up_to((g.error, truths[f].mask) for f, of_it in guesses.items() for g in of_it),
+    }
+    sheet = Sheet([2, 1] * len(chosen), 1 + len(methods), scales)
+    for number, (frame, name) in enumerate(chosen.items()):
+        _frame(sheet, 2 * number, truths[frame], f"{name}, frame {frame[1]}\n{frame[0]}")
+        for column, (method, guess) in enumerate(zip(methods, guesses[frame], strict=True), start=1):
+            title = method.label if number == 0 else ""
+            value = frame_value(method, frame, "abs_rel")
+            _pair(sheet, (2 * number, column), guess, truths[frame], (title, f"error, Abs Rel {value:.3f}"))
+    save(sheet.canvas, path)
+
+
+def _frame(sheet: Sheet, row: int, truth: Truth, words: str) -> None:
+    sheet.image(row, 0, truth.image, words)
+    sheet.map(row + 1, 0, "depth", truth.depth, truth.mask, "true depth")
+
+
+def _pair(sheet: Sheet, place: tuple[int, int], guess: Guess, truth: Truth, titles: tuple[str, str]) -> None:
+    row, column = place
+    sheet.map(row, column, "depth", guess.depth, truth.mask, titles[0])
+    sheet.map(row + 1, column, "error", guess.error, truth.mask, titles[1])

@@ -1,0 +1,83 @@
+"""A drawn figure, why another could not be drawn, and how one is saved."""
+
+import io
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure as Canvas
+from PIL import Image
+
+LARGEST_FILE = 400_000
+RESOLUTIONS = (100, 90, 80)
+"""Pixels an inch; below the last, words could not be read."""
+STEPS = (1, 5)
+"""Of 255, to which colours are rounded: a divisor, that white stays white."""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A picture on disk.
+
+    Attributes:
+        caption: can be read alone: what is shown, of which data, and how frames were chosen.
+        path: of a PNG file.
+    """
+
+    title: str
+    caption: str
+    path: Path
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """Figures, and a line for each one that is left out."""
+
+    figures: tuple[Figure, ...]
+    left_out: tuple[str, ...]
+
+
+class MissingError(Exception):
+    """Why a figure cannot be drawn, as a clause without a full stop."""
+
+
+def blank(width: float, height: float, layout: Literal["constrained"] | None = "constrained") -> Canvas:
+    """A canvas of a size in inches that is drawn without a screen."""
+    canvas = Canvas(figsize=(width, height), layout=layout)
+    FigureCanvasAgg(canvas)
+    return canvas
+
+
+def save(canvas: Canvas, path: Path) -> None:
+    """Save as PNG in one step; what is over 400 kB gets coarser colours, then fewer pixels, within limits."""
+    for content in _attempts(canvas):
+        if len(content) <= LARGEST_FILE:
+            break
+    partial = path.with_suffix(".partial")
+    partial.write_bytes(content)
+    partial.replace(path)
+
+
+def _attempts(canvas: Canvas) -> Iterator[bytes]:
+    """Files, each smaller than the one before."""
+    for dpi in RESOLUTIONS:
+        pixels = _pixels(canvas, dpi)
+        for step in STEPS:
+            yield _png(pixels, step)
+
+
+def _pixels(canvas: Canvas, dpi: int) -> np.ndarray:
+    content = io.BytesIO()
+    canvas.savefig(content, dpi=dpi, format="png")
+    return np.asarray(Image.open(content).convert("RGB"))
+
+
+def _png(pixels: np.ndarray, step: int) -> bytes:
+    """Each channel rounded to a multiple of the step, which noise in maps compresses by half."""
+    content = io.BytesIO()
+    rounded = (np.round(pixels / step) * step).clip(0, 255).astype(np.uint8)
+    Image.fromarray(rounded).save(content, format="png", optimize=True)
+    return content.getvalue()

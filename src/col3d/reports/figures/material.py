@@ -1,0 +1,130 @@
+"""What figures are made of: the methods to compare, their predictions, and the truth."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from col3d.reports.compose import title_of
+from col3d.reports.experiments import Experiment, Repeats, experiments_of
+from col3d.reports.figures.figure import MissingError
+from col3d.reports.figures.style import Style, styles_of
+from col3d.reports.predictions import StoredPredictions, read_facts
+from col3d.reports.runs import Found, Run
+from col3d.reports.setting import Setting
+
+IN_PICTURES, IN_PLOTS = 5, 8
+"""How many methods stand in one figure."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """A row of a table and how it looks."""
+
+    label: str
+    runs: tuple[Run, ...]
+    style: Style
+
+    @property
+    def shown(self) -> Run:
+        """The run whose maps are drawn: the first with predictions, or the first of all."""
+        return next(filter(has_predictions, self.runs), self.runs[0])
+
+    def mean(self, metric: str) -> float:
+        """Over the frames of all seeds that have a value; NaN where none has."""
+        values = np.concatenate([run.frames[metric] for run in self.runs])
+        values = values[np.isfinite(values)]
+        return float(values.mean()) if len(values) else float("nan")
+
+
+@dataclass(frozen=True)
+class Group:
+    """Methods that were scored in one setting.
+
+    Attributes:
+        title: of their table.
+    """
+
+    title: str
+    setting: Setting
+    methods: tuple[Method, ...]
+
+    def with_predictions(self) -> tuple[Method, ...]:
+        """Those whose maps can be drawn.
+
+        Raises:
+            MissingError: there is none.
+        """
+        having = tuple(method for method in self.methods if any(map(has_predictions, method.runs)))
+        if not having:
+            raise MissingError(
+                f"no run of {', '.join(method.label for method in self.methods)} has predictions "
+                "(callbacks.predictions=true keeps them)"
+            )
+        return having
+
+    def best(self, among: Sequence[Method]) -> Method:
+        """The method of the lowest mean abs_rel."""
+        return min(among, key=lambda method: np.nan_to_num(method.mean("abs_rel"), nan=np.inf))
+
+
+@dataclass(frozen=True)
+class Material:
+    """All that figures draw.
+
+    Attributes:
+        main: the benchmark, or where there is none to compare, all methods in the setting of the first table.
+        groups: every table by its name.
+        truth: images, true depth and normals, where they are kept.
+    """
+
+    main: Group
+    groups: dict[str, Group]
+    truth: StoredPredictions | None
+
+    def known_truth(self) -> StoredPredictions:
+        """The truth.
+
+        Raises:
+            MissingError: it is not kept.
+        """
+        if self.truth is None:
+            raise MissingError("the folder with images and true depth was not given or is not complete")
+        return self.truth
+
+
+def material_of(found: Found, truth: Path | None) -> Material:
+    """Group runs as tables do and open the truth."""
+    experiments = experiments_of(found)
+    styles = styles_of([row.label for experiment in experiments for row in experiment.rows])
+    groups = {e.name: _group(e.rows, e, styles) for e in experiments}
+    first = experiments[0]
+    if first.name == "benchmark" and len(first.rows) > 1:
+        main = groups["benchmark"]
+    else:
+        same = [row for e in experiments if e.setting == first.setting for row in e.rows]
+        main = _group(list({row.runs[0].folder: row for row in reversed(same)}.values())[::-1], first, styles)
+    return Material(main, groups, _open(truth))
+
+
+def _group(rows: Sequence[Repeats], experiment: Experiment, styles: dict[str, Style]) -> Group:
+    methods = tuple(Method(row.label, row.runs, styles[row.label]) for row in rows[:IN_PLOTS])
+    return Group(title_of(experiment), experiment.setting, methods)
+
+
+def _open(truth: Path | None) -> StoredPredictions | None:
+    try:
+        return None if truth is None else StoredPredictions(truth)
+    except ValueError:
+        return None
+
+
+def predictions_folder(run: Run) -> Path:
+    """Where a training with `callbacks.predictions` keeps them."""
+    return run.folder / f"predictions_{run.summary['split']}"
+
+
+def has_predictions(run: Run) -> bool:
+    """Whether they are there and complete."""
+    return read_facts(predictions_folder(run)) is not None

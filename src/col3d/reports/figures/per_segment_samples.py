@@ -1,0 +1,35 @@
+"""One frame of each segment by all methods."""
+
+from pathlib import Path
+
+from col3d.reports.figures.captions import COLOURS, UNSCALED, about, missing, seeds, sentences
+from col3d.reports.figures.choice import one_a_segment
+from col3d.reports.figures.depth_sheet import draw_depth
+from col3d.reports.figures.figure import Figure
+from col3d.reports.figures.material import IN_PICTURES, Material
+
+TITLE = "Depth in each segment"
+CHOSEN = "Frames are the middle one of each segment's frames, in the order of videos and frames."
+
+
+def draw(material: Material, out: Path) -> Figure:
+    """Draw it.
+
+    Raises:
+        MissingError: truth or predictions are not there.
+    """
+    truth, group = material.known_truth(), material.main
+    methods = group.with_predictions()[:IN_PICTURES]
+    path = out / "per_segment_samples.png"
+    draw_depth(path, truth, methods, one_a_segment(methods[0].shown))
+    caption = sentences(
+        "A frame of each segment of the colon with its true depth below, and beside it the depth that each "
+        "method predicts with its absolute error below; one scale for all maps of a quantity.",
+        CHOSEN,
+        UNSCALED,
+        COLOURS,
+        seeds(methods),
+        missing(methods, group.methods),
+        about(group),
+    )
+    return Figure(TITLE, caption, path)

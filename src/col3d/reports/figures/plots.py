@@ -1,0 +1,32 @@
+"""What plots share: plain axes, and one legend above them."""
+
+import math
+from collections.abc import Sequence
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Canvas
+from matplotlib.lines import Line2D
+
+from col3d.reports.figures.material import Method
+
+WIDTH, CHARACTERS = 11.0, 125
+"""Inches, and how many characters of a legend stand in a line."""
+
+
+def plain(axis: Axes, x: str, y: str) -> None:
+    """Labels with units, light lines across, no box."""
+    axis.set_xlabel(x)
+    axis.set_ylabel(y)
+    axis.grid(axis="y", color="0.9")
+    axis.set_axisbelow(True)
+    axis.spines[["top", "right"]].set_visible(False)
+
+
+def legend(canvas: Canvas, methods: Sequence[Method], more: Sequence[Line2D] = ()) -> None:
+    """The line of each method, above the axes."""
+    lines = [
+        Line2D([], [], color=m.style.colour, linestyle=m.style.dash, label=m.label, lw=2) for m in methods
+    ]
+    rows = math.ceil(sum(len(str(line.get_label())) + 7 for line in (*lines, *more)) / CHARACTERS)
+    columns = math.ceil(len((*lines, *more)) / rows)
+    canvas.legend(handles=[*lines, *more], loc="outside upper center", ncols=columns, frameon=False)
