@@ -435,3 +435,18 @@ def test_normals_at_the_ends_of_their_codes() -> None:
         assert angles.median() < 5e-3
     assert (house_normals(np.zeros((2, 2, 3), np.uint16), "current") == 0).all()
     assert (house_normals(np.zeros((2, 2, 3), np.uint16), "pre_2023_05") == 0).all()
+
+
+def test_occlusion_is_read_where_it_is_stored(write_video, lens) -> None:
+    root = write_video()
+    hidden = np.zeros((108, 135), np.uint8)
+    hidden[20:30, 40:60] = 255
+    assert cv2.imwrite(str(root / "cecum_t1_a" / "0001_occlusion.png"), hidden)
+    frames = C3VD(root, ["cecum_t1_a"], camera=lens)
+    assert frames.occlusion(0) is None
+    found = frames.occlusion(1)
+    assert found is not None
+    assert torch.equal(found[0], torch.from_numpy(hidden > 0))
+    assert cv2.imwrite(str(root / "cecum_t1_a" / "0002_occlusion.png"), hidden[:50])
+    with pytest.raises(DataError, match=r"0002_occlusion\.png: expected uint8 of shape"):
+        frames.occlusion(2)

@@ -50,3 +50,16 @@ def test_what_was_cut_off_is_not_there(tmp_path: Path) -> None:
     again.add("a", 0, *frame(0))
     again.finish()
     assert read_facts(tmp_path) == FACTS
+
+
+def test_truth_keeps_images_and_occlusions(tmp_path: Path) -> None:
+    writer, (depth, normals) = PredictionWriter(tmp_path, FACTS), frame(0)
+    image, hidden = np.random.default_rng(1).uniform(size=(6, 8, 3)), depth > 50
+    writer.add("a", 0, depth, normals, image, hidden)
+    writer.add("a", 1, depth, normals, image)
+    writer.finish()
+    stored = StoredPredictions(tmp_path)
+    assert np.abs(stored.read_image("a", 0) - image).max() < 1 / 500
+    assert np.array_equal(stored.read_occlusion("a", 0), hidden)
+    assert stored.read_occlusion("a", 1) is None
+    assert stored.frames() == [("a", 0), ("a", 1)]

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import torch
 
 from col3d.app import build
@@ -34,5 +35,15 @@ def keep_truth(folder: Path, options: TrainOptions) -> None:
         item = resized[index]
         normals = item["normals"].movedim(0, -1).numpy() if "normals" in item else None
         image = item["image"].movedim(0, -1).numpy()
-        writer.add(item["video"], int(item["frame"]), item["depth"][0].numpy(), normals, image)
+        hidden = frames.occlusion(index)
+        occlusion = None if hidden is None else _shrunk(hidden, data.size)
+        depth = item["depth"][0].numpy()
+        writer.add(item["video"], int(item["frame"]), depth, normals, image, occlusion)
     writer.finish()
+
+
+def _shrunk(mask: torch.Tensor, size: list[int]) -> np.ndarray:
+    """The value of the nearest pixel: (1, h, w) -> (h2, w2)."""
+    shrunk = torch.nn.functional.interpolate(mask[None].float(), size=size, mode="nearest-exact")
+    found: np.ndarray = (shrunk[0, 0] > 0).numpy()
+    return found

@@ -106,6 +106,18 @@ class C3VD(Dataset[dict[str, Any]]):
             item["mask"] = mask & (item["normals"] != 0).any(dim=0, keepdim=True)
         return item
 
+    def occlusion(self, index: int) -> Tensor | None:
+        """Where another surface lies behind the seen one within 100 mm: (1, h, w) bool, or None without file.
+
+        Raises:
+            DataError: the file is not what it should be.
+        """
+        frame = self.frames[index]
+        path = frame.color.with_name(f"{frame.number:04d}_occlusion.png")
+        if not path.is_file():
+            return None
+        return torch.from_numpy(read_grey(path, self.camera.size_hw, np.uint8) > 0)[None]
+
     def poses(self, video: str) -> Tensor:
         """Camera-to-world matrices of a whole video, (n, 4, 4) float64 in mm; line k belongs to frame k.
 

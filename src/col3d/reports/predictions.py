@@ -2,9 +2,11 @@
 
 `<video>.npz` holds for frame n the arrays `<n>_depth` (uint16; 65535 is the largest depth, of `index.json`)
 and, where the network predicts them, `<n>_normals` (int16 (h, w, 3); 32767 is 1). Depth of up to 100 mm is
-exact to 0.001 mm, normals to 0.003 degrees. The truth of a part of a split is kept in the same way, with the
-images (`<n>_image`, uint8); there, depth 0 and normal (0, 0, 0) are unknown, and `index.json` has `off_axis`,
-the angle in degrees between each pixel's ray and the optical axis.
+exact to 0.001 mm, normals to 0.003 degrees.
+
+The truth of a part of a split is kept in the same way, with the images (`<n>_image`, uint8) and, where there
+are any, occlusions (`<n>_occlusion`, bool). There, depth 0 and normal (0, 0, 0) are unknown, and `index.json`
+has `off_axis`, the angle in degrees between each pixel's ray and the optical axis.
 """
 
 import json
@@ -41,8 +43,12 @@ class PredictionWriter:
         depth: np.ndarray,
         normals: np.ndarray | None,
         image: np.ndarray | None = None,
+        occlusion: np.ndarray | None = None,
     ) -> None:
-        """Append a frame: depth (h, w) in mm, normals (h, w, 3) of unit length, image (h, w, 3) in [0, 1]."""
+        """Append a frame: depth (h, w) in mm, normals (h, w, 3) of unit length, image (h, w, 3) in [0, 1].
+
+        With the truth, `occlusion` (h, w) is True where another surface lies behind the seen one.
+        """
         if video != self.video:
             self._close()
             self.video = video
@@ -54,6 +60,8 @@ class PredictionWriter:
             self._put(f"{frame}_normals", np.round(normals * NORMAL_STEPS).astype(np.int16))
         if image is not None:
             self._put(f"{frame}_image", np.round(image * 255).astype(np.uint8))
+        if occlusion is not None:
+            self._put(f"{frame}_occlusion", occlusion.astype(np.bool_))
 
     def finish(self) -> None:
         """Close the last video and say in `index.json` that all is there."""
@@ -101,6 +109,12 @@ class StoredPredictions:
         with np.load(self.folder / f"{video}.npz", allow_pickle=False) as stored:
             image: np.ndarray = stored[f"{frame}_image"].astype(np.float32) / 255
         return image
+
+    def read_occlusion(self, video: str, frame: int) -> np.ndarray | None:
+        """Where another surface lies behind (h, w), or None where that is not kept."""
+        with np.load(self.folder / f"{video}.npz", allow_pickle=False) as stored:
+            name = f"{frame}_occlusion"
+            return stored[name] if name in stored.files else None
 
     def frames(self) -> list[tuple[str, int]]:
         """Videos and frames that are kept."""

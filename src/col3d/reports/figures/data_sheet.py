@@ -13,6 +13,7 @@ from col3d.reports.figures.maps import Frame, Truth, read_truth
 from col3d.reports.figures.material import Material
 from col3d.reports.figures.per_segment_samples import CHOSEN
 from col3d.reports.figures.sheet import BALL, Scale, Sheet, range_of
+from col3d.reports.figures.style import GREY
 
 TITLE = "The data"
 CIRCLES = (20, 40, 60, 80)
@@ -38,6 +39,7 @@ def draw(material: Material, out: Path) -> Figure:
         CHOSEN,
         circles if off_axis is not None else "",
         NORMALS if _have_normals(truths) else "",
+        "Last row: white where another surface lies hidden behind." if _have_occlusion(truths) else "",
         about(group),
     )
     return Figure(TITLE, caption, path)
@@ -49,7 +51,8 @@ def _sheet(
     scales: dict[str, Scale | None] = {"depth": range_of((t.depth, t.mask) for t in truths.values())}
     if _have_normals(truths):
         scales[BALL] = None
-    sheet = Sheet([2] + [0] * len(scales), len(truths), scales)
+    hidden = [0] if _have_occlusion(truths) else []
+    sheet = Sheet([2] + [0] * len(scales) + hidden, len(truths), scales)
     for column, (frame, truth) in enumerate(truths.items()):
         axis = sheet.image(0, column, truth.image, f"{chosen[frame]}, frame {frame[1]}\n{frame[0]}")
         if off_axis is not None:
@@ -57,7 +60,14 @@ def _sheet(
         sheet.map(1, column, "depth", truth.depth, truth.mask)
         if truth.normals is not None and BALL in scales:
             sheet.normals(2, column, truth.normals, truth.mask_of_normals)
+        if truth.occlusion is not None:
+            grey = np.where(truth.mask, truth.occlusion, GREY)
+            sheet.image(1 + len(scales), column, np.repeat(grey[..., None], 3, axis=-1).astype(float))
     save(sheet.canvas, path)
+
+
+def _have_occlusion(truths: Mapping[Frame, Truth]) -> bool:
+    return any(truth.occlusion is not None for truth in truths.values())
 
 
 def _have_normals(truths: Mapping[Frame, Truth]) -> bool:

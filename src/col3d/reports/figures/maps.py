@@ -21,6 +21,8 @@ class Truth:
     normals: np.ndarray | None
     mask: np.ndarray
     mask_of_normals: np.ndarray
+    occlusion: np.ndarray | None = None
+    """Where another surface lies behind the seen one."""
 
 
 @dataclass(frozen=True)
@@ -41,11 +43,12 @@ def read_truth(stored: StoredPredictions, frame: Frame) -> Truth:
     """
     try:
         (depth, normals), image = stored.read(*frame), stored.read_image(*frame)
+        occlusion = stored.read_occlusion(*frame)
     except (OSError, KeyError):
         raise MissingError(f"the truth of frame {frame[1]} of {frame[0]} is not in {stored.folder}") from None
     mask = (depth > 0) & (depth < stored.facts["max_depth"])
     known = np.zeros_like(mask) if normals is None else np.linalg.norm(normals, axis=-1) > 0.5
-    return Truth(image, depth, normals, mask, mask & known)
+    return Truth(image, depth, normals, mask, mask & known, occlusion)
 
 
 def read_guess(method: Method, frame: Frame, truth: Truth) -> Guess:
