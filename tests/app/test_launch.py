@@ -29,11 +29,11 @@ def call(script: str, *arguments: str, cwd: Path) -> subprocess.CompletedProcess
         (["data=c3vd"], ["data.root: a value is needed"]),
         (["model=bts,col3d_mtl"], ["model: sweep over the values with -m"]),
         (["model=[bts,col3d_mtl]"], ["model: expected one of bts", "sweep with -m"]),
-        (["loss=null"], ["loss: expected one of mtl", "null"]),
+        (["loss=null"], ["loss: expected one of monodepth_fpn, mtl", "null"]),
         (["trainer.accelerator=cuda"], ["trainer.accelerator: this machine has no cuda"]),
         (["hydra.run.dir=/proc/nowhere"], ["/proc/nowhere: "]),
         (["trainer.devices=0"], ["trainer.devices: "]),
-        (["loss.lambdas=[0.5,0.3]"], ["loss.lambdas", "3 weight(s)"]),
+        (["loss.lambdas=[0.5,0.3]"], ["loss.lambdas", "3 number(s)"]),
         (["data=c3vd", "data.root=nowhere"], ["data.root=", "nowhere: no such folder"]),
     ],
 )
