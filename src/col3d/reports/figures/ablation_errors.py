@@ -3,10 +3,10 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from col3d.reports.figures.captions import COLOURS, UNSCALED, about, missing, seeds, sentences
+from col3d.reports.figures.captions import about_maps, sentences
 from col3d.reports.figures.choice import best_average_worst
 from col3d.reports.figures.figure import Figure, MissingError, save
-from col3d.reports.figures.maps import Frame, Guess, Truth, frame_value, read_guess, read_truth
+from col3d.reports.figures.maps import Frame, Guess, Maps, Truth, frame_value, read_maps
 from col3d.reports.figures.material import Material, Method
 from col3d.reports.figures.qualitative import chosen_by
 from col3d.reports.figures.sheet import Scale, Sheet, errors_up_to, range_of
@@ -32,11 +32,7 @@ def draw(material: Material, out: Path) -> Figure:
         "Each frame, and for each row of the ablation the absolute error of its depth, with the angular "
         "error of its normals below where it predicts them; one scale for all maps of a quantity.",
         chosen_by(group, best),
-        UNSCALED,
-        COLOURS,
-        seeds(methods),
-        missing(methods, group.methods),
-        about(group),
+        about_maps(group, methods),
     )
     return Figure(TITLE, caption, path)
 
@@ -44,17 +40,16 @@ def draw(material: Material, out: Path) -> Figure:
 def _sheet(
     path: Path, truth: StoredPredictions, methods: Sequence[Method], chosen: Mapping[Frame, str]
 ) -> None:
-    truths = {frame: read_truth(truth, frame) for frame in chosen}
-    guesses = {frame: [read_guess(m, frame, truths[frame]) for m in methods] for frame in chosen}
-    scales = _scales(truths, guesses)
+    maps = read_maps(truth, methods, chosen)
+    scales = _scales(maps)
     step = 2 if "angle" in scales else 1
     sheet = Sheet([2, 1][:step] * len(chosen), 1 + len(methods), scales)
     for number, (frame, name) in enumerate(chosen.items()):
-        row, known = step * number, truths[frame]
+        row, known = step * number, maps.truths[frame]
         sheet.image(row, 0, known.image, f"{name}, frame {frame[1]}\n{frame[0]}")
         if "depth" in scales:
             sheet.map(row + 1, 0, "depth", known.depth, known.mask, "true depth")
-        for column, (method, guess) in enumerate(zip(methods, guesses[frame], strict=True), start=1):
+        for column, (method, guess) in enumerate(zip(methods, maps.guesses[frame], strict=True), start=1):
             value = f"depth, Abs Rel {frame_value(method, frame, 'abs_rel'):.3f}"
             title = f"{method.label}\n{value}" if row == 0 else value
             sheet.map(row, column, "error", guess.error, known.mask, title)
@@ -63,17 +58,11 @@ def _sheet(
     save(sheet.canvas, path)
 
 
-def _scales(
-    truths: Mapping[Frame, Truth], guesses: Mapping[Frame, Sequence[Guess]]
-) -> dict[str, Scale | None]:
-    pairs = [(guess, truths[frame]) for frame, of_it in guesses.items() for guess in of_it]
-    angles = [(guess.angle, known.mask_of_normals) for guess, known in pairs if guess.angle is not None]
-    scales: dict[str, Scale | None] = {
-        "error": errors_up_to((guess.error, known.mask) for guess, known in pairs),
-    }
-    if angles:  # then there is a second row, with room for the truth
-        scales["depth"] = range_of((known.depth, known.mask) for known in truths.values())
-        scales["angle"] = errors_up_to(angles)
+def _scales(maps: Maps) -> dict[str, Scale | None]:
+    scales: dict[str, Scale | None] = {"error": errors_up_to(maps.errors)}
+    if maps.angles:  # then there is a second row, with room for the truth
+        scales["depth"] = range_of(maps.depths)
+        scales["angle"] = errors_up_to(maps.angles)
     return scales
 
 

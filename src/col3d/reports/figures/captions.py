@@ -23,6 +23,11 @@ def about_training(group: Group) -> str:
     return f"{said} {PHANTOM}" if setting.data == "phantom" else said
 
 
+def about_maps(group: Group, shown: Sequence[Method]) -> str:
+    """What every caption of predicted maps ends with: no scaling, colours, whose predictions, which data."""
+    return sentences(UNSCALED, COLOURS, seeds(shown), missing(shown, group.methods), about(group))
+
+
 def seeds(methods: Sequence[Method]) -> str:
     """Which run of each method is drawn."""
     by_seed: dict[int, list[str]] = {}

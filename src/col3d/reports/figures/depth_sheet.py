@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from col3d.reports.figures.figure import save
-from col3d.reports.figures.maps import Frame, Guess, Truth, frame_value, read_guess, read_truth
+from col3d.reports.figures.maps import Frame, Guess, Truth, frame_value, read_maps
 from col3d.reports.figures.material import Method
 from col3d.reports.figures.sheet import Sheet, errors_up_to, range_of
 from col3d.reports.predictions import StoredPredictions
@@ -24,19 +24,16 @@ def draw_depth(
     Raises:
         MissingError: a map is not kept.
     """
-    truths = {frame: read_truth(truth, frame) for frame in chosen}
-    guesses = {frame: [read_guess(m, frame, truths[frame]) for m in methods] for frame in chosen}
-    scales = {
-        "depth": range_of((t.depth, t.mask) for t in truths.values()),
-        "error": errors_up_to((g.error, truths[f].mask) for f, of_it in guesses.items() for g in of_it),
-    }
+    maps = read_maps(truth, methods, chosen)
+    scales = {"depth": range_of(maps.depths), "error": errors_up_to(maps.errors)}
     sheet = Sheet([2, 1] * len(chosen), 1 + len(methods), scales)
     for number, (frame, name) in enumerate(chosen.items()):
-        _frame(sheet, 2 * number, truths[frame], f"{name}, frame {frame[1]}\n{frame[0]}")
-        for column, (method, guess) in enumerate(zip(methods, guesses[frame], strict=True), start=1):
+        _frame(sheet, 2 * number, maps.truths[frame], f"{name}, frame {frame[1]}\n{frame[0]}")
+        for column, (method, guess) in enumerate(zip(methods, maps.guesses[frame], strict=True), start=1):
             title = method.label if number == 0 else ""
             value = frame_value(method, frame, "abs_rel")
-            _pair(sheet, (2 * number, column), guess, truths[frame], (title, f"error, Abs Rel {value:.3f}"))
+            titles = (title, f"error, Abs Rel {value:.3f}")
+            _pair(sheet, (2 * number, column), guess, maps.truths[frame], titles)
     save(sheet.canvas, path)
 
 

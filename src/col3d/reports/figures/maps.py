@@ -1,5 +1,6 @@
 """Maps of one frame: the truth, and a method's prediction with its errors."""
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -70,6 +71,47 @@ def read_guess(method: Method, frame: Frame, truth: Truth) -> Guess:
         )
     angle = None if normals is None or truth.normals is None else angle_between(normals, truth.normals)
     return Guess(depth, np.abs(depth - truth.depth), normals, angle)
+
+
+@dataclass(frozen=True)
+class Maps:
+    """The truth of frames, and for each what every method predicted, in the order of the methods."""
+
+    truths: dict[Frame, Truth]
+    guesses: dict[Frame, list[Guess]]
+
+    @property
+    def pairs(self) -> list[tuple[Guess, Truth]]:
+        """Every prediction with its truth."""
+        return [(guess, self.truths[frame]) for frame, of_it in self.guesses.items() for guess in of_it]
+
+    @property
+    def depths(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """True depth of each frame and its mask."""
+        return [(truth.depth, truth.mask) for truth in self.truths.values()]
+
+    @property
+    def errors(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Absolute errors of depth and their masks."""
+        return [(guess.error, truth.mask) for guess, truth in self.pairs]
+
+    @property
+    def angles(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Angular errors and their masks, of those that have normals."""
+        return [
+            (guess.angle, truth.mask_of_normals) for guess, truth in self.pairs if guess.angle is not None
+        ]
+
+
+def read_maps(stored: StoredPredictions, methods: Sequence[Method], frames: Iterable[Frame]) -> Maps:
+    """Truth and predictions of frames.
+
+    Raises:
+        MissingError: a map is not kept.
+    """
+    truths = {frame: read_truth(stored, frame) for frame in frames}
+    guesses = {frame: [read_guess(m, frame, truth) for m in methods] for frame, truth in truths.items()}
+    return Maps(truths, guesses)
 
 
 def angle_between(one: np.ndarray, other: np.ndarray) -> np.ndarray:

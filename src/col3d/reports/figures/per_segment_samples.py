@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from col3d.reports.figures.captions import COLOURS, UNSCALED, about, missing, seeds, sentences
+from col3d.reports.figures.captions import about_maps, sentences
 from col3d.reports.figures.choice import one_a_segment
 from col3d.reports.figures.depth_sheet import draw_depth
 from col3d.reports.figures.figure import Figure
@@ -26,10 +26,6 @@ def draw(material: Material, out: Path) -> Figure:
         "A frame of each segment of the colon with its true depth below, and beside it the depth that each "
         "method predicts with its absolute error below; one scale for all maps of a quantity.",
         CHOSEN,
-        UNSCALED,
-        COLOURS,
-        seeds(methods),
-        missing(methods, group.methods),
-        about(group),
+        about_maps(group, methods),
     )
     return Figure(TITLE, caption, path)

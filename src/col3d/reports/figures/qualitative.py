@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from col3d.reports.figures.captions import COLOURS, UNSCALED, about, missing, seeds, sentences
+from col3d.reports.figures.captions import about_maps, sentences
 from col3d.reports.figures.choice import best_average_worst
 from col3d.reports.figures.depth_sheet import draw_depth
 from col3d.reports.figures.figure import Figure
@@ -26,11 +26,7 @@ def draw(material: Material, out: Path) -> Figure:
         "Each frame with its true depth below, and beside it the depth that each method predicts with its "
         "absolute error below; one scale for all maps of a quantity.",
         chosen_by(group, best),
-        UNSCALED,
-        COLOURS,
-        seeds(methods),
-        missing(methods, group.methods),
-        about(group),
+        about_maps(group, methods),
     )
     return Figure(TITLE, caption, path)
 

@@ -3,10 +3,10 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from col3d.reports.figures.captions import COLOURS, NORMALS, UNSCALED, about, missing, seeds, sentences
+from col3d.reports.figures.captions import NORMALS, about_maps, sentences
 from col3d.reports.figures.choice import best_average_worst
 from col3d.reports.figures.figure import Figure, MissingError, save
-from col3d.reports.figures.maps import Frame, Guess, Truth, frame_value, read_guess, read_truth
+from col3d.reports.figures.maps import Frame, Guess, Truth, frame_value, read_guess, read_maps, read_truth
 from col3d.reports.figures.material import IN_PICTURES, Material, Method
 from col3d.reports.figures.qualitative import chosen_by
 from col3d.reports.figures.sheet import BALL, Sheet, errors_up_to
@@ -35,11 +35,7 @@ def draw(material: Material, out: Path) -> Figure:
         "scale for all errors.",
         NORMALS,
         chosen_by(group, best),
-        UNSCALED,
-        COLOURS,
-        seeds(methods),
-        missing(methods, group.methods),
-        about(group),
+        about_maps(group, methods),
     )
     return Figure(TITLE, caption, path)
 
@@ -62,21 +58,15 @@ def with_normals(methods: Sequence[Method], truth: StoredPredictions, frame: Fra
 def _sheet(
     path: Path, truth: StoredPredictions, methods: Sequence[Method], chosen: Mapping[Frame, str]
 ) -> None:
-    truths = {frame: read_truth(truth, frame) for frame in chosen}
-    guesses = {frame: [read_guess(m, frame, truths[frame]) for m in methods] for frame in chosen}
-    errors = [
-        (g.angle, truths[f].mask_of_normals)
-        for f, of_it in guesses.items()
-        for g in of_it
-        if g.angle is not None
-    ]
-    sheet = Sheet([2] * len(chosen), 2 + 2 * len(methods), {BALL: None, "angle": errors_up_to(errors)})
+    maps = read_maps(truth, methods, chosen)
+    sheet = Sheet([2] * len(chosen), 2 + 2 * len(methods), {BALL: None, "angle": errors_up_to(maps.angles)})
     for row, (frame, name) in enumerate(chosen.items()):
-        _frame(sheet, row, truths[frame], f"{name}, frame {frame[1]}\n{frame[0]}")
-        for number, (method, guess) in enumerate(zip(methods, guesses[frame], strict=True)):
+        _frame(sheet, row, maps.truths[frame], f"{name}, frame {frame[1]}\n{frame[0]}")
+        for number, (method, guess) in enumerate(zip(methods, maps.guesses[frame], strict=True)):
             title = method.label if row == 0 else ""
             value = frame_value(method, frame, "angle_mean")
-            _pair(sheet, (row, 2 + 2 * number), guess, truths[frame], (title, f"error, mean {value:.1f}°"))
+            titles = (title, f"error, mean {value:.1f}°")
+            _pair(sheet, (row, 2 + 2 * number), guess, maps.truths[frame], titles)
     save(sheet.canvas, path)
 
 
