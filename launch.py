@@ -52,6 +52,7 @@ def launch(config_name: str, run: Run) -> None:
     Bad input ends in one line for each fault and exit code 2; any other exception keeps its traceback.
     """
     os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra hands exceptions on instead of printing them
+    sys.argv[1:] = [text for argument in sys.argv[1:] for text in _as_groups(argument)]
     _check_choices(sys.argv[1:])
 
     def job(config: DictConfig) -> Any:
@@ -115,6 +116,23 @@ def _check_choices(arguments: list[str]) -> None:
                 _refuse(
                     f"{group}: expected one of {', '.join(known)}, got {choice!r}; sweep with -m {group}=a,b"
                 )
+
+
+def _as_groups(argument: str) -> list[str]:
+    """How Hydra wants a choice inside `data` said: `data.test=simcol3d`, `data.also=[simcol3d,c3vdv2]`."""
+    option, _, value = argument.partition("=")
+    names = value.strip("[]").split(",")
+    if option == "data.split" and (CONF / "data/split" / f"{value}.yaml").is_file():
+        return [f"data/split={value}"]
+    if option not in ("data.test", "data.also") or value in ("null", "{}"):
+        return [argument]
+    known = sorted(path.stem for path in (CONF / "data/source").glob("*.yaml"))
+    for name in names:
+        if name not in known:
+            _refuse(f"{option}: expected one of {', '.join(known)}, got {name!r}{nearest_name(name, known)}")
+    if option == "data.test":
+        return [f"+data/source@data.test={value}"]
+    return [f"+data/source@data.also.{name}={name}" for name in names]
 
 
 def _drop_if_empty(folder: Path) -> None:

@@ -202,6 +202,7 @@ def test_no_option_is_without_effect() -> None:
 
     spread_whole = {
         *names(AugmentOptions),
+        *names(LayoutOptions),
         *names(ModelOptions),
         *names(LossOptions),
     }  # handed on as they are

@@ -85,7 +85,7 @@ def item(look: Any) -> dict[str, Any]:
     mask[..., :20, :30] = False
     known = mask[0]
     return {
-        "image": torch.rand(3, 120, 120, generator=torch.Generator().manual_seed(0)),
+        "image": torch.randint(0, 256, (3, 120, 120), generator=torch.Generator().manual_seed(0)) / 255,
         "depth": torch.where(known, depth[0].float(), 0.0),
         "normals": torch.where(known, normals[0].float(), 0.0),
         "mask": known,

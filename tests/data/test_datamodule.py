@@ -7,13 +7,14 @@ import pytest
 import torch
 from torch.utils.data import Dataset
 
-from col3d.data.datamodule import EveryFrameOnce, FrameDataModule, Resized
-from col3d.data.transforms import Augment, Resize
+from col3d.data.datamodule import EveryFrameOnce, FrameDataModule
+from col3d.data.resize import Resize
+from col3d.data.transforms import Augment
 
 
 class Numbered(Dataset[dict[str, Any]]):
     def __init__(self, item: dict[str, Any], count: int) -> None:
-        self.item, self.count = {k: v for k, v in item.items() if k != "camera"}, count
+        self.item, self.count = item, count
 
     def __len__(self) -> int:
         return self.count
@@ -23,10 +24,9 @@ class Numbered(Dataset[dict[str, Any]]):
 
 
 def module_of(item: dict[str, Any], seed: int = 0, augment: Augment | None = None) -> FrameDataModule:
-    resize = Resize((20, 25), item["camera"])
-    frames = {
-        name: Resized(Numbered(item, n), resize) for name, n in {"train": 11, "val": 7, "test": 5}.items()
-    }
+    small = Resize((20, 25), item["camera"])(item)
+    del small["camera"]
+    frames = {name: Numbered(small, n) for name, n in {"train": 11, "val": 7, "test": 5}.items()}
     return FrameDataModule(frames, batch_size=3, augment=augment, seed=seed)
 
 

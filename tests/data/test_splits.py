@@ -64,7 +64,7 @@ def test_ends_in_the_wrong_order() -> None:
 
 def test_unknown_videos() -> None:
     with pytest.raises(
-        DataError, match=r"'cecum_t1_x' is neither .* folder of data\.root; did you mean 'cecum_t1"
+        DataError, match=r"'cecum_t1_x' is neither .* video of data\.root; did you mean 'cecum_t1"
     ):
         parse_selection("cecum_t1_x", present=["other"])
     with pytest.raises(DataError, match="did you mean 'my_own_video'"):

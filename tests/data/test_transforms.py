@@ -9,7 +9,7 @@ from torch.nn.functional import interpolate
 from torch.utils.data import default_collate
 
 from col3d.batch import Batch
-from col3d.data.transforms import Augment, Resize, crop, flip, jitter, rotate
+from col3d.data.transforms import Augment, crop, flip, jitter, rotate
 from col3d.geometry import Camera, OmnidirectionalCamera, angle_between, normals_from_depth
 
 MAPS = ("image", "depth", "normals", "mask", "rays")
@@ -43,71 +43,6 @@ def derived_error(batch: Batch) -> Tensor:
 
 def middle(values: Tensor) -> Tensor:
     return values[..., 30:-30, 30:-30]
-
-
-# resizing
-
-
-def test_a_constant_stays_and_nothing_invalid_gets_in(item: dict[str, Any]) -> None:
-    item["mask"] = torch.rand(1, 120, 120, generator=torch.Generator().manual_seed(1)) > 0.05
-    item["depth"] = torch.where(item["mask"], 50.0, 0.0)
-    item["normals"] = torch.where(item["mask"], torch.tensor([0.0, 0.6, -0.8])[:, None, None], 0.0)
-    for size_hw in ((40, 40), (77, 50), (120, 120), (200, 131)):
-        small = Resize(size_hw, item["camera"])(item)
-        known = small["mask"]
-        assert known.float().mean() > 0.7
-        torch.testing.assert_close(
-            small["depth"][known], torch.full((int(known.sum()),), 50.0), rtol=2e-3, atol=0
-        )
-        assert (small["depth"][~known] == 0).all()
-        assert (small["normals"][~known.expand(3, -1, -1)] == 0).all()
-        aim = torch.tensor([0.0, 0.6, -0.8])[:, None, None].expand_as(small["normals"])
-        assert angle_between(small["normals"], aim)[known].max() < 0.01
-
-
-def test_a_pixel_counts_only_where_all_it_is_read_from_do(item: dict[str, Any]) -> None:
-    item["mask"] = torch.ones_like(item["mask"])
-    item["mask"][0, 50, 61] = False
-    half = Resize((60, 60), item["camera"])(item)["mask"]
-    assert (~half).nonzero().tolist() == [[0, 25, 30]]
-    double = Resize((240, 240), item["camera"])(item)["mask"][0]
-    assert not double[99:103, 121:125].any()
-    assert double[:98].all()
-    assert double[:, :120].all()
-
-
-def test_resized_rays_are_those_of_the_resized_camera(item: dict[str, Any]) -> None:
-    small = Resize((40, 52), item["camera"])(item)
-    assert torch.equal(small["rays"], item["camera"].resized((40, 52)).rays())
-    assert small["image"].shape == (3, 40, 52)
-    assert 0 <= small["image"].min() <= small["image"].max() <= 1
-    assert (small["video"], small["frame"]) == (item["video"], item["frame"])
-    lengths = small["normals"].norm(dim=0)[small["mask"][0]]
-    torch.testing.assert_close(lengths, torch.ones_like(lengths))
-
-
-def test_resized_maps_see_the_same_sphere(item: dict[str, Any], look: Any) -> None:
-    small = Resize((50, 64), item["camera"])(item)
-    depth, normals, _ = look("sphere", small["rays"])
-    known = small["mask"]
-    torch.testing.assert_close(small["depth"][known], depth[0][known].float(), atol=0.05, rtol=0)
-    assert angle_between(small["normals"], normals[0].float())[known].max() < 0.1
-    assert derived_error(batch_of(small)).median() < 0.2
-
-
-def test_the_same_size_is_the_same_item(item: dict[str, Any]) -> None:
-    same = Resize((120, 120), item["camera"])(item)
-    for key in MAPS:
-        torch.testing.assert_close(same[key], item[key], atol=1e-6, rtol=0)
-
-
-def test_items_without_normals(item: dict[str, Any]) -> None:
-    del item["normals"]
-    small = Resize((40, 40), item["camera"])(item)
-    assert "normals" not in small
-    moved = Augment(rotation=10.0, flip=1.0, jitter=1.0)(batch_of(small), 0, 0)
-    assert "normals" not in moved
-    assert set(moved) == set(Batch.__annotations__) - {"normals"}
 
 
 # mirroring

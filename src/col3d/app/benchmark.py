@@ -15,6 +15,7 @@ import torch
 from col3d.app import build
 from col3d.app.config import TrainOptions
 from col3d.app.errors import check_options
+from col3d.app.frames import data_module
 from col3d.app.run_folder import RunFolder
 from col3d.app.truth import keep_truth
 from col3d.checks import UserError
@@ -66,7 +67,8 @@ def run_benchmark(jobs: Sequence[Job], train: Path, output: Path, parallel: int 
     waiting = [job for job in jobs if RunFolder(job.options).finished is None]
     print(f"{len(jobs)} runs, {len(jobs) - len(waiting)} of them finished before", flush=True)
     if waiting:  # rendered once, before several jobs want it
-        build.frame_sets(jobs[0].options.data, jobs[0].options.phantom)
+        first = jobs[0].options
+        data_module(first.data, first.phantom, first.seed)
     failed = _run_all(waiting, train, parallel or (1 if torch.cuda.is_available() else 2))
     if len(failed) == len(jobs):
         raise UserError(f"all {len(jobs)} runs failed; the first says: {_last_line(failed[0])}")

@@ -93,9 +93,19 @@ class SplitOptions(Options):
     """Videos, labels of the paper or frame ranges of each part."""
 
     name: str
-    train: Annotated[list[str], Field(min_length=1)]
-    val: Annotated[list[str], Field(min_length=1)]
-    test: Annotated[list[str], Field(min_length=1)]
+    train: list[str]
+    val: list[str]
+    test: list[str]
+
+    def needs(self, option: str, *parts: Split) -> None:
+        """Refuse parts that are used and empty.
+
+        Raises:
+            ValueError: names the option.
+        """
+        for part in parts:
+            if not getattr(self, part):
+                raise ValueError(f"{option}.{part}: a value is needed; give {option}.{part}=[VIDEO,...]")
 
 
 class AugmentOptions(Options):
@@ -115,19 +125,65 @@ class PhantomOptions(Options):
     seed: Annotated[int, Field(ge=0)]
 
 
-class DataOptions(Options):
-    """Frames, their split, size and batches."""
+class LayoutOptions(Options):
+    """How the files of `data=folder` are called and what they hold; see `col3d.data.folder`."""
 
-    name: Literal["phantom", "c3vd"]
+    image: str
+    depth: str
+    depth_unit: PositiveFloat
+    max_depth: PositiveFloat
+    camera_file: str
+
+
+class SourceOptions(Options):
+    """A data set and its split."""
+
+    name: Literal["phantom", "c3vd", "c3vdv2", "simcol3d", "folder"]
     root: str
     release: Literal["auto", "current", "pre_2023_05"]
     normals: Literal["stored", "derived", "none"]
     split: SplitOptions
     allow_missing: bool
+    store: str = "auto"
+    weight: PositiveFloat = 1.0
+    layout: LayoutOptions | None = None
+
+    @model_validator(mode="after")
+    def _has_what_it_says(self) -> "SourceOptions":
+        if self.normals == "stored" and self.name in ("simcol3d", "folder"):
+            raise ValueError(f"data.normals: {self.name} stores none; take derived or none")
+        if (self.layout is None) == (self.name == "folder"):
+            raise ValueError(f"data.layout: belongs to data=folder, got data={self.name}")
+        return self
+
+
+class DataOptions(SourceOptions):
+    """The data set that is trained on, how its frames are fed, and others to test on or train on."""
+
     size: Annotated[list[Side], Field(min_length=2, max_length=2)]
     batch_size: PositiveInt
     workers: Annotated[int, Field(ge=0)]
     augment: AugmentOptions
+    test: SourceOptions | None = None
+    also: dict[str, SourceOptions] = {}
+
+    @model_validator(mode="after")
+    def _belong_together(self) -> "DataOptions":
+        for name, source in self.also.items():
+            source.split.needs(f"data.also.{name}.split", "train")
+            if (source.normals == "none") != (self.normals == "none"):
+                raise ValueError(
+                    f"data.also.{name}.normals: all that is trained on has normals or none has; got "
+                    f"{source.normals} beside {self.normals}"
+                )
+        if self.test is not None:
+            self.test.split.needs("data.test.split", "test")
+        return self
+
+    @property
+    def tested(self) -> SourceOptions:
+        """The data set that is tested on."""
+        return self.test or self
 
 
 class AdamOptions(Options):
@@ -247,6 +303,8 @@ class TrainOptions(Options):
     @model_validator(mode="after")
     def _parts_fit(self) -> "TrainOptions":
         loss, model = self.loss, self.model
+        tested: tuple[Split, ...] = ("test",) if self.data.test is None else ()
+        self.data.split.needs("data.split", "train", "val", *tested)
         asked = [term for term in loss.terms if term in ("normals", "consistency")]
         if asked and model.normals == "none":
             raise ValueError(
@@ -326,6 +384,10 @@ class EvaluateOptions(Options):
     def _fits(self) -> "EvaluateOptions":
         if self.max_depth is not None and self.published is None:
             raise ValueError("max_depth: our checkpoints know theirs; it is for published weights")
+        if self.data is not None:
+            self.data.split.needs("data.split", self.split)
+            if self.data.test or self.data.also:
+                raise ValueError("data.test, data.also: are of trainings; evaluate.py scores on data=...")
         return self
 
 
@@ -345,9 +407,16 @@ class BenchmarkFile(Options):
     benchmark: BenchmarkOptions
 
 
+class PrepareFileOptions(Options):
+    """What `prepare.py` takes beside data and phantom."""
+
+    out: str | None
+
+
 class PrepareOptions(Options):
     """Everything that `prepare.py` takes."""
 
     data: DataOptions
     phantom: PhantomOptions
+    prepare: PrepareFileOptions
     workers: Annotated[int, Field(ge=1)] | None

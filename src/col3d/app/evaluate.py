@@ -12,13 +12,14 @@ from torch.utils.data import DataLoader
 from col3d.app import build
 from col3d.app.config import EvaluateOptions, ProtocolOptions, TrainerOptions
 from col3d.app.errors import check_options
+from col3d.app.frames import full_frames, sized_frames
 from col3d.app.results import Results, facts_of, print_audit
 from col3d.app.subject import Subject, subject_of
 from col3d.app.train import check_accelerator, make_trainer, quiet
 from col3d.batch import Batch, Prediction
 from col3d.callbacks import SavePredictions
-from col3d.data.c3vd import C3VD
-from col3d.data.datamodule import FrameDataModule
+from col3d.data.datamodule import FrameDataModule, Frames
+from col3d.data.sized import SizedFrames, WithMixedTruth
 from col3d.reports.predictions import StoredPredictions, read_facts
 
 
@@ -35,8 +36,8 @@ def evaluate(given: Mapping[str, Any]) -> None:
     options = check_options(EvaluateOptions, given)
     check_accelerator(options.accelerator)
     subject = subject_of(options)
-    frames = build.frame_sets(subject.data, subject.phantom, [options.split])[options.split]
-    print_audit(subject.data.split, options.split)
+    frames = sized_frames(subject.data, subject.phantom, options.split, subject.data.size)
+    print_audit(subject.data, options.split)
     for name, protocol in options.protocol.items():
         stored = _predicted(subject, frames, protocol.mirror, options)
         facts = facts_of(subject.name, subject.seed, subject.data, options.split, name)
@@ -47,15 +48,14 @@ def evaluate(given: Mapping[str, Any]) -> None:
 
 
 def _predicted(
-    subject: Subject, frames: C3VD, mirror: str | None, options: EvaluateOptions
+    subject: Subject, frames: SizedFrames, mirror: str | None, options: EvaluateOptions
 ) -> StoredPredictions:
     """The predictions for these frames, as an earlier evaluation left them or made now."""
     folder = _run(options) / _name("predictions", options, mirror)
     facts = _facts(subject, frames, mirror, options)
     if read_facts(folder) != facts:
         subject.task.mirror = mirror
-        resized = build.resized(frames, subject.data, subject.phantom)
-        data = FrameDataModule({"test": resized}, subject.data.batch_size, subject.data.workers)
+        data = FrameDataModule({"test": frames}, subject.data.batch_size, subject.data.workers)
         trainer = make_trainer(_machine(options), [SavePredictions(folder, facts)], [])
         trainer.test(subject.task, datamodule=data, verbose=False)
     else:
@@ -63,7 +63,9 @@ def _predicted(
     return StoredPredictions(folder)
 
 
-def _facts(subject: Subject, frames: C3VD, mirror: str | None, options: EvaluateOptions) -> dict[str, Any]:
+def _facts(
+    subject: Subject, frames: SizedFrames, mirror: str | None, options: EvaluateOptions
+) -> dict[str, Any]:
     """What predictions are of: others are made when any of it differs."""
     file = Path(options.checkpoint).stat()
     data = subject.data
@@ -78,7 +80,7 @@ def _facts(subject: Subject, frames: C3VD, mirror: str | None, options: Evaluate
 
 def _score(
     stored: StoredPredictions,
-    frames: C3VD,
+    frames: SizedFrames,
     name: str,
     options: ProtocolOptions,
     subject: Subject,
@@ -86,7 +88,7 @@ def _score(
 ) -> None:
     """Fill the results, frame by frame."""
     native = options.resolution == "native"
-    truth = frames if native else build.resized(frames, subject.data, subject.phantom, options.truth)
+    truth = _truth(frames, options, subject, str(results.facts["split"]))
     protocol, mean = build.protocol(name, options), subject.task.mean_depth
     shutil.rmtree(results.panels.folder, ignore_errors=True)
     results.panels.choose(len(frames))
@@ -98,6 +100,15 @@ def _score(
         if not native:
             results.panels.draw(batch, prediction, values)
     results.table.save()
+
+
+def _truth(frames: SizedFrames, options: ProtocolOptions, subject: Subject, part: str) -> Frames:
+    """What a protocol holds predictions against: frames at the network's size, or else the files."""
+    if options.resolution == "network" and options.truth == "clean":
+        return frames
+    whole = full_frames(subject.data, subject.phantom, part)
+    height, width = subject.data.size
+    return whole if options.resolution == "native" else WithMixedTruth(whole, (height, width))
 
 
 def _read(stored: StoredPredictions, batch: Batch) -> Prediction:

@@ -8,7 +8,7 @@ from typing import Any
 from lightning import Callback, LightningModule
 from lightning.pytorch.loggers import Logger, WandbLogger
 
-from col3d.app.config import DataOptions, SplitOptions
+from col3d.app.config import DataOptions, SourceOptions
 from col3d.app.provenance import command, commit, versions
 from col3d.callbacks import ImagePanels, PerFrameTable
 from col3d.data.leakage import Shared, shared_with_training
@@ -21,7 +21,13 @@ Facts = dict[str, str | int]
 
 def facts_of(model: str, seed: int, data: DataOptions, part: str, protocol: str) -> Facts:
     """The columns that stand in every row of a table."""
-    return {"model": model, "seed": seed, "data": data.name, "split": part, "protocol": protocol}
+    return {
+        "model": model,
+        "seed": seed,
+        "data": _scored(data, part).name,
+        "split": part,
+        "protocol": protocol,
+    }
 
 
 class Results:
@@ -46,9 +52,9 @@ class Results:
         average: str = "frame",
     ) -> None:
         self.folder, self.facts, self.average = folder, facts, average
-        shared = {row.video: row.worst for row in _audit(data.split, str(facts["split"]))}
+        shared = {row.video: row.worst for row in _audit(data, str(facts["split"]))}
         self.context: dict[str, Any] = {
-            "split_name": data.split.name,
+            "split_name": _scored(data, str(facts["split"])).split.name,
             "size": list(data.size),
             "frames_by_split": dict(frames),
             "shared_with_training": shared,
@@ -96,17 +102,31 @@ class Results:
         print("wrote", *lines, sep="\n  ", flush=True)
 
 
-def print_audit(split: SplitOptions, part: str) -> None:
+def print_audit(data: DataOptions, part: str) -> None:
     """Say what each video of a part shares with the videos that are trained on."""
-    print(f"split {split.name}: what {part} shares with training", flush=True)
-    for row in _audit(split, part):
+    scored = _scored(data, part)
+    if not _trained_alike(data, part):
+        print(f"{part} is of another data set, {scored.name}: it shares nothing with training", flush=True)
+        return
+    print(f"split {scored.split.name}: what {part} shares with training", flush=True)
+    for row in _audit(data, part):
         videos = row.of_video or row.of_surface or row.of_phantom or row.of_texture
         which = f" ({', '.join(videos)})" if videos else ""
         print(f"  {row.video}: {row.worst}{which}", flush=True)
 
 
-def _audit(split: SplitOptions, part: str) -> list[Shared]:
-    return shared_with_training(split.train, getattr(split, part))
+def _audit(data: DataOptions, part: str) -> list[Shared]:
+    trained = [entry for source in _trained_alike(data, part) for entry in source.split.train]
+    return shared_with_training(trained, getattr(_scored(data, part).split, part))
+
+
+def _scored(data: DataOptions, part: str) -> SourceOptions:
+    return data.tested if part == "test" else data
+
+
+def _trained_alike(data: DataOptions, part: str) -> list[SourceOptions]:
+    """What is trained on of the data set that a part is of."""
+    return [source for source in (data, *data.also.values()) if source.name == _scored(data, part).name]
 
 
 def read_summary(folder: Path) -> dict[str, Any] | None:

@@ -16,6 +16,7 @@ CONFIG = "config.yaml"
 CHECKPOINTS = "checkpoints"
 UNRELATED = {"overwrite", "output_dir", "logger"}
 """Groups and options that change nothing in the weights and numbers of a run."""
+UNRELATED_INSIDE = {("data", "workers"), ("data", "store")}
 
 
 class RunFolder:
@@ -82,7 +83,7 @@ def _differing(before: dict[str, Any], now: dict[str, Any]) -> list[str]:
         old, new = before.get(name), now.get(name)
         if isinstance(old, dict) and isinstance(new, dict):
             inner = (k for k in sorted(old.keys() | new.keys()) if old.get(k) != new.get(k))
-            names += [f"{name}.{k}" for k in inner if (name, k) != ("data", "workers")]
+            names += [f"{name}.{k}" for k in inner if (name, k) not in UNRELATED_INSIDE]
         elif old != new:
             names.append(name)
     return names

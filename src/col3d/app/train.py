@@ -17,6 +17,7 @@ from col3d.app import build
 from col3d.app.config import TrainerOptions, TrainOptions
 from col3d.app.cost import measure_cost
 from col3d.app.errors import check_options
+from col3d.app.frames import data_module
 from col3d.app.results import Results, facts_of, print_audit
 from col3d.app.run_folder import RunFolder
 from col3d.app.tracking import csv_logger, wandb_run
@@ -58,9 +59,9 @@ def train(given: Mapping[str, Any]) -> float:
         return float(folder.finished["best"][WATCHED])
     seed_everything(options.seed, workers=True, verbose=False)
     truth = options.one_protocol[1].truth
-    data = build.data_module(options.data, options.phantom, options.seed, test_truth=truth)
+    data = data_module(options.data, options.phantom, options.seed, test_truth=truth)
     task = build.task(options)
-    print_audit(options.data.split, "test")
+    print_audit(options.data, "test")
     folder.begin()
     with wandb_run(options, folder.path) as loggers:
         loggers.append(csv_logger(folder.path, folder.epoch))

@@ -5,8 +5,10 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from col3d.app import build
 from col3d.app.config import TrainOptions
+from col3d.app.frames import full_frames
+from col3d.data.c3vd import C3VD
+from col3d.data.sized import Resized
 from col3d.reports.predictions import PredictionWriter, read_facts
 
 
@@ -20,14 +22,14 @@ def keep_truth(folder: Path, options: TrainOptions) -> None:
     data = options.data
     facts = {
         "max_depth": options.model.max_depth,
-        "data": [data.name, str(Path(data.root).absolute()), data.size],
-        "split": ["test", data.split.test],
+        "data": [data.tested.name, str(Path(data.tested.root).absolute()), data.size],
+        "split": ["test", data.tested.split.test],
     }
     kept = read_facts(folder)
     if kept is not None and {name: kept.get(name) for name in facts} == facts:
         return
-    frames = build.frame_sets(data, options.phantom, ["test"])["test"]
-    resized = build.resized(frames, data, options.phantom)
+    frames = full_frames(data.tested, options.phantom, "test")
+    resized = Resized(frames, (data.size[0], data.size[1]))
     rays = resized[0]["rays"]
     off_axis = torch.rad2deg(torch.atan2(rays[:2].norm(dim=0), rays[2]))
     writer = PredictionWriter(folder, {**facts, "off_axis": off_axis.round(decimals=2).tolist()})
@@ -35,7 +37,7 @@ def keep_truth(folder: Path, options: TrainOptions) -> None:
         item = resized[index]
         normals = item["normals"].movedim(0, -1).numpy() if "normals" in item else None
         image = item["image"].movedim(0, -1).numpy()
-        hidden = frames.occlusion(index)
+        hidden = frames.occlusion(index) if isinstance(frames, C3VD) else None
         occlusion = None if hidden is None else _shrunk(hidden, data.size)
         depth = item["depth"][0].numpy()
         writer.add(item["video"], int(item["frame"]), depth, normals, image, occlusion)

@@ -1,48 +1,31 @@
-"""C3VD: registered colonoscopy videos with depth, normals and poses.
+"""C3VD: registered colonoscopy videos with depth, normals and poses; and its second part, C3VDv2.
 
 References:
     Bobrow, Golhar, Vijayan, Akshintala, Garcia, Durr: Colonoscopy 3D Video Dataset with Paired Depth from
     2D-3D Registration, Medical Image Analysis 2023.
+    Golhar, Bobrow, Ngamruengphong, Durr: C3VDv2, Colonoscopy 3D Video Dataset with Enhanced Realism, 2025.
 """
 
 import math
-import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
-from torch.utils.data import Dataset
 
 from col3d.checks import DataError, check_known
-from col3d.data.files import check_header, read_grey, read_rgb
+from col3d.data.files import read_bgr, read_grey
+from col3d.data.frames import Frame, FrameSet, Kind, Take, everywhere
 from col3d.data.octagon import octagon_mask
 from col3d.data.release import AGREEMENT, FULL_CODE, RELEASES, camera_to_world, disagreement, house_normals
-from col3d.data.splits import Selection, parse_selection
-from col3d.geometry import Camera, OmnidirectionalCamera, normals_from_depth
+from col3d.geometry import Camera, OmnidirectionalCamera
 
 MAX_DEPTH = 100.0
 """Depth in mm of the highest code, which also stands for everything beyond."""
-KINDS = {"color": (".png", 3, 8), "depth": (".tiff", 1, 16), "normals": (".tiff", 3, 16)}
-"""Ending, channels and bits of each kind of file."""
-NORMALS = ("stored", "derived", "none")
 
 
-@dataclass(frozen=True)
-class Frame:
-    """Where one frame lies."""
-
-    video: str
-    number: int
-    color: Path
-    depth: Path
-    normals: Path | None
-
-
-class C3VD(Dataset[dict[str, Any]]):
+class C3VD(FrameSet):
     """Frames of chosen videos at full resolution, in house units: the keys of a `Batch` without its axis b.
 
     Pixels count where the octagon shows them, the depth code is neither 0 nor 65535 (beyond 100 mm), and,
@@ -61,6 +44,15 @@ class C3VD(Dataset[dict[str, Any]]):
         ValueError: an unknown `release` or `normals`.
     """
 
+    kinds: Mapping[str, Kind] = {
+        "color": Kind("{}_color.png", 3, 8),
+        "depth": Kind("{}_depth.tiff", 1, 16),
+        "normals": Kind("{}_normals.tiff", 3, 16),
+        "occlusion": Kind("{}_occlusion.png", 1, 8),
+    }
+    example = "NNNN_color.png with NNNN_depth.tiff"
+    max_depth = MAX_DEPTH
+
     def __init__(
         self,
         root: str | Path,
@@ -69,42 +61,16 @@ class C3VD(Dataset[dict[str, Any]]):
         normals: str = "stored",
         camera: Camera | None = None,
     ) -> None:
-        self.root = Path(root)
-        self.camera = camera or OmnidirectionalCamera.c3vd()
-        self.normals = check_known("data.normals", normals, NORMALS)
         check_known("data.release", release, ("auto", *RELEASES))
-        present = video_folders(self.root)
-        self.releases: dict[str, str] = {}
-        self.frames: list[Frame] = []
-        for entry in videos:
-            frames = self._frames_of(parse_selection(entry, present))
-            if twice := set(frames) & set(self.frames):
-                first = min(twice, key=lambda frame: frame.number)
-                raise DataError(
-                    f"split entry {entry!r}: frame {first.number} of {first.video} is chosen already"
-                )
-            self.releases[frames[0].video] = self._release_of(frames, release)
-            self.frames += frames
+        super().__init__(root, videos, camera or self.lens(), normals)
+        self.releases = {}
+        for video in dict.fromkeys(frame.video for frame in self.frames):
+            self.releases[video] = self._release_of([f for f in self.frames if f.video == video], release)
 
-    def __len__(self) -> int:
-        return len(self.frames)
-
-    def __getitem__(self, index: int) -> dict[str, Any]:
-        frame = self.frames[index]
-        image = read_rgb(frame.color, self.camera.size_hw, np.uint8)
-        depth, mask = self._depth_and_mask(frame)
-        item: dict[str, Any] = {
-            "image": torch.from_numpy(image).permute(2, 0, 1).float() / 255,
-            "depth": depth,
-            "mask": mask,
-            "rays": self.camera.rays(),
-            "video": frame.video,
-            "frame": frame.number,
-        }
-        if self.normals != "none":
-            item["normals"] = self._normals(frame, depth, mask)
-            item["mask"] = mask & (item["normals"] != 0).any(dim=0, keepdim=True)
-        return item
+    @staticmethod
+    def lens() -> Camera:
+        """The camera of the data set at the size of its frames."""
+        return OmnidirectionalCamera.c3vd()
 
     def occlusion(self, index: int) -> Tensor | None:
         """Where another surface lies behind the seen one within 100 mm: (1, h, w) bool, or None without file.
@@ -113,7 +79,7 @@ class C3VD(Dataset[dict[str, Any]]):
             DataError: the file is not what it should be.
         """
         frame = self.frames[index]
-        path = frame.color.with_name(f"{frame.number:04d}_occlusion.png")
+        path = self.root / frame.video / self.kinds["occlusion"].named(frame.number)
         if not path.is_file():
             return None
         return torch.from_numpy(read_grey(path, self.camera.size_hw, np.uint8) > 0)[None]
@@ -134,49 +100,51 @@ class C3VD(Dataset[dict[str, Any]]):
         except (OSError, ValueError) as error:
             raise DataError(f"{path}: expected lines of 16 comma-separated numbers ({error})") from None
 
-    def _frames_of(self, selection: Selection) -> list[Frame]:
-        folder = self.root / selection.video
-        if not folder.is_dir():
-            raise DataError(f"{folder}: no such video; copy it there or leave it out of data.split")
-        kinds = {kind: numbered(folder, kind, ending) for kind, (ending, _, _) in KINDS.items()}
-        chosen = sorted(n for n in kinds["color"].keys() | kinds["depth"].keys() if n in selection)
-        if not chosen:
-            raise DataError(f"{folder}: no frames NNNN_color.png with NNNN_depth.tiff for {selection} in it")
-        needed = ["color", "depth", *(["normals"] if self.normals == "stored" else [])]
-        for kind in needed:
-            for number in chosen:
-                if number not in kinds[kind]:
-                    raise DataError(missing_file(folder, kind, number))
-                check_header(kinds[kind][number], self.camera.size_hw, *KINDS[kind][1:])
-        stored = kinds["normals"] if self.normals == "stored" else {}
-        return [
-            Frame(selection.video, n, kinds["color"][n], kinds["depth"][n], stored.get(n)) for n in chosen
-        ]
+    def depth_and_mask(self, frame: Frame, take: Take) -> tuple[Tensor, Tensor]:
+        """Depth (1, h, w) in mm, 0 where unknown, and where it is known (1, h, w)."""
+        codes = take(read_grey(frame.files["depth"], self.camera.size_hw, np.uint16))
+        inside = take(octagon_mask(self.camera.size_hw)[0].numpy())
+        known = torch.from_numpy((codes > 0) & (codes < FULL_CODE) & inside)[None]
+        depth = torch.from_numpy(codes.astype(np.float32))[None] * (MAX_DEPTH / FULL_CODE)
+        return torch.where(known, depth, 0.0), known
+
+    def stored_normals(self, frame: Frame, take: Take) -> Tensor:
+        """Unit normals (3, h, w) in house axes; the zero vector where none is stored."""
+        return house_normals(self.normal_codes(frame, take), self.releases[frame.video])
+
+    def normal_codes(self, frame: Frame, take: Take = everywhere) -> np.ndarray:
+        """Normals (h, w, 3) as they are stored."""
+        return take(read_bgr(frame.files["normals"], self.camera.size_hw, np.uint16))[..., ::-1]
 
     def _release_of(self, frames: list[Frame], release: str) -> str:
         """The release that a video follows; stored normals that contradict the one asked for are refused."""
         middle = frames[len(frames) // 2].number
         for frame in sorted(frames, key=lambda frame: abs(frame.number - middle)):
-            if frame.normals is None:
+            if "normals" not in frame.files:
                 break
-            codes = read_rgb(frame.normals, self.camera.size_hw, np.uint16)
-            angles = disagreement(codes, *self._depth_and_mask(frame), self.camera)
+            depth, mask = self.depth_and_mask(frame, everywhere)
+            angles = disagreement(self.normal_codes(frame), depth, mask, self.camera)
             if not any(math.isnan(angle) for angle in angles.values()):  # some depth to hold them against
-                return _agreed(frame.normals, angles, release)
-        padded = frames[0].depth.name.split("_")[0] == f"{frames[0].number:04d}"
+                return _agreed(frame.files["normals"], angles, release)
+        padded = frames[0].files["depth"].name.split("_")[0] == f"{frames[0].number:04d}"
         return release if release != "auto" else RELEASES[0 if padded else 1]
 
-    def _depth_and_mask(self, frame: Frame) -> tuple[Tensor, Tensor]:
-        codes = read_grey(frame.depth, self.camera.size_hw, np.uint16)
-        known = torch.from_numpy((codes > 0) & (codes < FULL_CODE))[None] & octagon_mask(self.camera.size_hw)
-        depth = torch.from_numpy(codes.astype(np.float32))[None] * (MAX_DEPTH / FULL_CODE)
-        return torch.where(known, depth, 0.0), known
 
-    def _normals(self, frame: Frame, depth: Tensor, mask: Tensor) -> Tensor:
-        if frame.normals is None:
-            return normals_from_depth(depth[None], self.camera.rays(), mask[None])[0]
-        codes = read_rgb(frame.normals, self.camera.size_hw, np.uint16)
-        return torch.where(mask, house_normals(codes, self.releases[frame.video]), 0.0)
+class C3VDv2(C3VD):
+    """The videos of C3VDv2: another lens, and a folder for each kind of file; else as `C3VD`."""
+
+    kinds: Mapping[str, Kind] = {
+        "color": Kind("rgb/{}.png", 3, 8),
+        "depth": Kind("depth/{}_depth.tiff", 1, 16),
+        "normals": Kind("normals/{}_normals.tiff", 3, 16),
+        "occlusion": Kind("occlusion/{}_occlusion.png", 1, 8),
+    }
+    example = "rgb/NNNN.png with depth/NNNN_depth.tiff"
+
+    @staticmethod
+    def lens() -> Camera:
+        """The camera of the data set at the size of its frames."""
+        return OmnidirectionalCamera.c3vdv2()
 
 
 def _agreed(path: Path, angles: Mapping[str, float], release: str) -> str:
@@ -189,36 +157,3 @@ def _agreed(path: Path, angles: Mapping[str, float], release: str) -> str:
             "pre_2023_05"
         )
     return best if release == "auto" else release
-
-
-def video_folders(root: Path) -> list[str]:
-    """Names of the folders of a data set.
-
-    Raises:
-        DataError: there is no such folder.
-    """
-    if not root.is_dir():
-        raise DataError(f"data.root={root}: no such folder; it holds one folder for each video")
-    return sorted(path.name for path in root.iterdir() if path.is_dir() and not path.name.startswith("."))
-
-
-def numbered(folder: Path, kind: str, ending: str) -> dict[int, Path]:
-    """Files of one kind by frame number, whether the number in their name is padded or not.
-
-    Raises:
-        DataError: two files have the same number.
-    """
-    pattern = re.compile(rf"(\d+)_{kind}\{ending}")
-    found: dict[int, Path] = {}
-    for path in sorted(folder.iterdir()):
-        if match := pattern.fullmatch(path.name):
-            first = found.setdefault(int(match.group(1)), path)
-            if first != path:
-                raise DataError(f"{path}: the same frame as {first.name}; keep one of them")
-    return found
-
-
-def missing_file(folder: Path, kind: str, number: int) -> str:
-    """What to say of a frame that lacks a file."""
-    hint = "; data.normals=derived computes them from the depth" if kind == "normals" else ""
-    return f"{folder}: frame {number} has no {number:04d}_{kind}{KINDS[kind][0]}{hint}"

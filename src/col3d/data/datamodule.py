@@ -1,6 +1,7 @@
 """Data sets of a split as batches for Lightning, augmented on the batch's device."""
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import torch
@@ -9,22 +10,69 @@ from torch.utils.data import DataLoader, Dataset, DistributedSampler, Sampler
 
 from col3d.batch import Batch
 from col3d.checks import DataError
-from col3d.data.transforms import Augment, Resize
+from col3d.data.codes import Codes, decode
+from col3d.data.sized import SizedFrames
+from col3d.data.transforms import Augment
+from col3d.geometry import Camera
 
 Frames = Dataset[dict[str, Any]]
 
 
-class Resized(Dataset[dict[str, Any]]):
-    """Another set's items, resized."""
+class InCodes(Dataset[Codes]):
+    """Frames for a loader: whole batches of codes, which are a third of what they decode to."""
 
-    def __init__(self, frames: Frames, resize: Resize) -> None:
-        self.frames, self.resize = frames, resize
+    def __init__(self, frames: SizedFrames, cameras: Sequence[Camera]) -> None:
+        self.frames = frames
+        self.lenses = torch.tensor([cameras.index(camera) for camera in frames.cameras])
 
     def __len__(self) -> int:
-        return len(self.frames)  # type: ignore[arg-type]
+        return len(self.frames)
 
-    def __getitem__(self, index: int) -> dict[str, Any]:
-        return self.resize(self.frames[index])
+    def __getitems__(self, indices: Sequence[int]) -> Codes:
+        """Frames as one batch."""
+        codes = self.frames.codes(indices)
+        return codes | {"lens": self.lenses[codes["lens"]]}
+
+
+def as_it_is(batch: Any) -> Any:
+    """What `InCodes` gives needs no collation."""
+    return batch
+
+
+class WeightedOrder(Sampler[int]):
+    """Frames of joined data sets in an order of (seed, epoch), each set's `weight` times an epoch on average.
+
+    Args:
+        parts: number of frames and weight of each data set.
+        seed: of the order.
+        rank: of this process; each gets as many frames, the first ones again where they do not go up.
+        world_size: number of processes.
+    """
+
+    def __init__(self, parts: Sequence[tuple[int, float]], seed: int, rank: int, world_size: int) -> None:
+        self.parts, self.seed, self.rank, self.world_size = parts, seed, rank, world_size
+        self.epoch = 0
+        self.total = sum(round(count * weight) for count, weight in parts)
+
+    def __len__(self) -> int:
+        return math.ceil(self.total / self.world_size)
+
+    def set_epoch(self, epoch: int) -> None:
+        """Lightning calls it before each epoch."""
+        self.epoch = epoch
+
+    def __iter__(self) -> Iterator[int]:
+        generator = torch.Generator().manual_seed(self.seed + self.epoch)
+        chosen, offset = [], 0
+        for count, weight in self.parts:
+            wanted = round(count * weight)
+            rounds = [torch.randperm(count, generator=generator) for _ in range(math.ceil(wanted / count))]
+            chosen += [order + offset for order in rounds[:-1]]
+            chosen += [order[: wanted - count * (len(rounds) - 1)] + offset for order in rounds[-1:]]
+            offset += count
+        order = torch.cat(chosen)[torch.randperm(self.total, generator=generator)]
+        order = torch.cat([order, order[: len(self) * self.world_size - self.total]])
+        return iter(order[self.rank :: self.world_size].tolist())
 
 
 class EveryFrameOnce(Sampler[int]):
@@ -43,12 +91,15 @@ class EveryFrameOnce(Sampler[int]):
 class FrameDataModule(LightningDataModule):
     """Loaders over the sets of a split.
 
+    Frames of a known size are decoded on the device of the batch, whatever worker loaded their codes.
+
     Args:
         frames: sets by split: `train`, `val`, `test`; only those that are used need be there.
         batch_size: frames a step on each device.
         workers: processes that decode.
         augment: draws for training batches, on their device.
         seed: of the order of frames and the draws.
+        weights: of data sets that are joined for training: their frames, and how often an epoch shows each.
     """
 
     def __init__(
@@ -58,10 +109,14 @@ class FrameDataModule(LightningDataModule):
         workers: int = 0,
         augment: Augment | None = None,
         seed: int = 0,
+        weights: Sequence[tuple[int, float]] = (),
     ) -> None:
         super().__init__()
         self.frames = dict(frames)
         self.batch_size, self.workers, self.augment, self.seed = batch_size, workers, augment, seed
+        self.weights = list(weights)
+        sized = [part for part in frames.values() if isinstance(part, SizedFrames)]
+        self.cameras = list(dict.fromkeys(camera for part in sized for camera in part.cameras))
 
     def lengths(self) -> dict[str, int]:
         """Number of frames by split."""
@@ -71,9 +126,10 @@ class FrameDataModule(LightningDataModule):
         """Shuffled by (seed, epoch); the last, smaller batch is used too."""
         rank, world_size = self._place()
         self._check_lengths(world_size)
-        sampler: Sampler[int] = DistributedSampler(
-            self.frames["train"], world_size, rank, shuffle=True, seed=self.seed
-        )
+        frames = self.frames["train"]
+        sampler: Sampler[int] = DistributedSampler(frames, world_size, rank, shuffle=True, seed=self.seed)
+        if len(self.weights) > 1 or any(weight != 1 for _, weight in self.weights):
+            sampler = WeightedOrder(self.weights, self.seed, rank, world_size)
         return self._loader("train", sampler)
 
     def val_dataloader(self) -> DataLoader[Any]:
@@ -84,11 +140,12 @@ class FrameDataModule(LightningDataModule):
         """In order, each frame once."""
         return self._evaluation("test")
 
-    def on_after_batch_transfer(self, batch: Batch, dataloader_idx: int) -> Batch:
-        """Augment training batches."""
+    def on_after_batch_transfer(self, batch: Any, dataloader_idx: int) -> Batch:
+        """Decode, and augment training batches."""
+        house: Batch = decode(batch, self.cameras) if "lens" in batch else batch
         if self.augment is None or self.trainer is None or not self.trainer.training:
-            return batch
-        return self.augment(batch, self.seed, self.trainer.current_epoch)
+            return house
+        return self.augment(house, self.seed, self.trainer.current_epoch)
 
     def _check_lengths(self, world_size: int) -> None:
         for split, length in self.lengths().items():
@@ -103,10 +160,13 @@ class FrameDataModule(LightningDataModule):
         return self._loader(split, EveryFrameOnce(self.lengths()[split], rank, world_size))
 
     def _loader(self, split: str, sampler: Sampler[int]) -> DataLoader[Any]:
+        frames = self.frames[split]
+        coded = InCodes(frames, self.cameras) if isinstance(frames, SizedFrames) else None
         return DataLoader(
-            self.frames[split],
+            frames if coded is None else coded,
             batch_size=self.batch_size,
             sampler=sampler,
+            collate_fn=None if coded is None else as_it_is,
             num_workers=self.workers,
             persistent_workers=self.workers > 0,
             pin_memory=torch.cuda.is_available(),

@@ -15,8 +15,14 @@ PNG_END = b"IEND\xaeB`\x82"
 PNG_BITS_AT = 24
 
 
-def check_header(path: Path, size_hw: tuple[int, int], channels: int, bits: int) -> None:
+def check_header(path: Path, size_hw: tuple[int, int], channels: int | None, bits: int | None) -> None:
     """Refuse a file whose header or length shows that it is not the complete image it should be.
+
+    Args:
+        path: of the file.
+        size_hw: that it must have.
+        channels: likewise; None where any number will do.
+        bits: of each channel, likewise.
 
     Raises:
         DataError: names the file, the rule and what came.
@@ -31,7 +37,7 @@ def check_header(path: Path, size_hw: tuple[int, int], channels: int, bits: int)
         raise DataError(
             f"{path}: expected {size_hw[0]} x {size_hw[1]} pixels, got {found_hw[0]} x {found_hw[1]}"
         )
-    if found != (channels, bits):
+    if channels not in (None, found[0]) or bits not in (None, found[1]):
         raise DataError(
             f"{path}: expected {channels} channels of {bits} bits, got {found[0]} channels of {found[1]} bits"
         )
@@ -62,26 +68,43 @@ def _ends_as_png(path: Path) -> bool:
         return file.read() == PNG_END
 
 
-def read_rgb(path: Path, size_hw: tuple[int, int], dtype: type[np.generic]) -> np.ndarray:
-    """An image of three channels as (h, w, 3) in RGB order.
+def read_bgr(path: Path, size_hw: tuple[int, int], dtype: type[np.generic]) -> np.ndarray:
+    """An image of three channels as (h, w, 3), blue first as OpenCV reads it.
 
     Raises:
         DataError: the file cannot be decoded, or has another size or type.
     """
-    return np.ascontiguousarray(_read(path, (*size_hw, 3), dtype)[..., ::-1])
+    return _read(path, (*size_hw, 3), dtype)
 
 
 def read_grey(path: Path, size_hw: tuple[int, int], dtype: type[np.generic]) -> np.ndarray:
-    """An image of one channel as (h, w); errors as in `read_rgb`."""
+    """An image of one channel as (h, w); errors as in `read_bgr`."""
     return _read(path, size_hw, dtype)
 
 
+def read_any(path: Path, size_hw: tuple[int, int]) -> np.ndarray:
+    """An image of one channel (h, w), of whatever type its values are.
+
+    Raises:
+        DataError: the file cannot be decoded, or has another size.
+    """
+    pixels = _decoded(path)
+    if pixels.shape != size_hw:
+        raise DataError(f"{path}: expected one channel of shape {size_hw}, got {pixels.shape}")
+    return pixels
+
+
 def _read(path: Path, shape: tuple[int, ...], dtype: type[np.generic]) -> np.ndarray:
-    pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    if pixels is None:
-        raise DataError(f"{path}: {'cannot be decoded' if path.exists() else 'no such file'}; copy it again")
+    pixels = _decoded(path)
     if pixels.shape != shape or pixels.dtype != dtype:
         raise DataError(
             f"{path}: expected {np.dtype(dtype)} of shape {shape}, got {pixels.dtype} of {pixels.shape}"
         )
+    return pixels
+
+
+def _decoded(path: Path) -> np.ndarray:
+    pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    if pixels is None:
+        raise DataError(f"{path}: {'cannot be decoded' if path.exists() else 'no such file'}; copy it again")
     return pixels

@@ -1,6 +1,7 @@
 """The videos of C3VD, the labels of the Col3D-MTL paper, and splits as lists of videos or frame ranges."""
 
 import csv
+import fnmatch
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -111,11 +112,29 @@ def parse_selection(entry: str, present: Sequence[str] = ()) -> Selection:
     if name not in video_table() and name not in present:
         known = [*video_table(), *names, *present]
         raise DataError(
-            f"video {name!r} is neither one of C3VD nor a folder of data.root{nearest_name(name, known)}"
+            f"video {name!r} is neither one of C3VD nor a video of data.root{nearest_name(name, known)}"
         )
     if first is not None and int(first) > int(last):
         raise DataError(f"split entry {entry!r}: the first frame comes after the last")
     return Selection(name, None if first is None else int(first), None if last is None else int(last))
+
+
+def expand(entries: Sequence[str], present: Sequence[str]) -> list[str]:
+    """Entries of a split with wildcards (`c1_*`) replaced by the videos at hand that they match, in order.
+
+    Raises:
+        DataError: one matches nothing.
+    """
+    found: list[str] = []
+    for entry in entries:
+        if not set("*?") & set(entry):
+            found.append(entry)
+            continue
+        matching = fnmatch.filter(sorted(present), entry)
+        if not matching:
+            raise DataError(f"split entry {entry!r}: no video of data.root matches")
+        found += [video for video in matching if video not in found]
+    return found
 
 
 def check_counts(frames: Mapping[str, int], release: str) -> None:

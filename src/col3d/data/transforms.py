@@ -1,4 +1,4 @@
-"""Transforms of whole items and batches: image, depth, normals, mask and rays move together.
+"""Transforms of batches: image, depth, normals, mask and rays move together.
 
 A pixel is valid after a transform only where all pixels it is interpolated from are; vectors turn and mirror
 with the image. kornia warps the maps; that the vectors in them turn too, it leaves to us.
@@ -8,56 +8,14 @@ import math
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
-from torch.nn.functional import interpolate
 
 from col3d.batch import Batch
-from col3d.geometry import Camera, unit
-
-WHOLE = 0.999
-"""Share of valid pixels, up to rounding, from which an interpolated pixel counts as valid."""
-
-
-@dataclass(frozen=True)
-class Resize:
-    """Resize an item to `size_hw`, aspect not kept.
-
-    The image is averaged (antialiased). Depth and normals are read off at the new pixel centres between the
-    four pixels around, so that neither edges nor the borders of the mask bleed; normals get unit length
-    again. The rays are those of the resized camera.
-    """
-
-    size_hw: tuple[int, int]
-    camera: Camera
-    """Camera of the items before."""
-    truth: str = "clean"
-    """"clean" as above; "mixed" as published programs score: between all four pixels, zeros of unknown ones
-    included, and known wherever the mean depth is above 0."""
-
-    def __call__(self, item: dict[str, Any]) -> dict[str, Any]:
-        """The resized item."""
-        image = interpolate(item["image"][None], self.size_hw, mode="bilinear", antialias=True)[0]
-        depth = self._read_off(item["depth"])
-        mask = depth > 0 if self.truth == "mixed" else self._read_off(item["mask"].float()) > WHOLE
-        moved = {
-            **item,
-            "image": image.clamp(0, 1),
-            "mask": mask,
-            "depth": torch.where(mask, depth, 0.0),
-            "rays": self.camera.resized(self.size_hw).rays(),
-        }
-        if "normals" in item:
-            between = self._read_off(item["normals"])
-            between = between if self.truth == "mixed" else unit(between)
-            moved["normals"] = torch.where(mask, between, 0.0)
-        return moved
-
-    def _read_off(self, values: Tensor) -> Tensor:
-        return interpolate(values[None], self.size_hw, mode="bilinear", align_corners=False)[0]
+from col3d.data.resize import WHOLE
+from col3d.geometry import unit
 
 
 def flip(batch: Batch, chosen: Bool[Tensor, " b"]) -> Batch:

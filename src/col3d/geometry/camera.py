@@ -192,6 +192,23 @@ class OmnidirectionalCamera(Camera):
             max_radius=1000.0,
         )
 
+    @classmethod
+    def c3vdv2(cls) -> "OmnidirectionalCamera":
+        """The colonoscope of C3VDv2 at 1080 x 1350."""
+        return cls(
+            size_hw=(1080, 1350),
+            centre=(677.739464094188, 543.057997844875),
+            stretch=((1.0, 0.0), (0.0, 1.0)),
+            polynomial=(
+                767.733695862103,
+                0.0,
+                -0.000592506426558248,
+                -2.69440266600040e-07,
+                -2.16380341010063e-10,
+            ),
+            max_radius=1000.0,
+        )
+
     def profile(self, radius: Tensor) -> Tensor:
         """The polynomial g."""
         a0, a1, a2, a3, a4 = self.polynomial

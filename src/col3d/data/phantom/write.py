@@ -2,8 +2,6 @@
 
 import hashlib
 import json
-import os
-import shutil
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
@@ -19,12 +17,12 @@ from col3d.data.phantom.render import Frame, Renderer
 from col3d.data.phantom.segments import SEGMENTS
 from col3d.data.phantom.settings import PhantomSettings, phantom_camera, random_stream
 from col3d.data.phantom.trajectory import camera_poses
+from col3d.data.processes import whole_folder
 from col3d.data.splits import video_table
 
 MANIFEST = "phantom.json"
 VERSION = 1
 """Raised whenever equal settings give other pixels or files than before."""
-PARTIAL = ".partial-"
 UNCOMPRESSED = (cv2.IMWRITE_TIFF_COMPRESSION, 1)
 
 
@@ -39,16 +37,9 @@ def render_video(
         settings: of the whole phantom.
         frame_done: called after each frame.
     """
-    partial = root / f"{PARTIAL}{video}-{os.getpid()}"
-    shutil.rmtree(partial, ignore_errors=True)
-    partial.mkdir(parents=True)
-    try:
+    with whole_folder(root / video) as partial:
         _write_frames(partial, video, settings, frame_done)
         _write_manifest(partial, video, settings)
-        shutil.rmtree(root / video, ignore_errors=True)
-        partial.replace(root / video)
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
 
 
 def _write_frames(
@@ -146,21 +137,3 @@ def _check_recipe(root: Path, folder: Path, recipe: dict[str, Any]) -> None:
         f"{root}: {folder.name} was rendered with other settings ({listed}); "
         "choose another data.root or delete this one"
     )
-
-
-def remove_stale(root: Path) -> None:
-    """Delete what interrupted processes left behind; folders of running ones stay."""
-    for folder in root.glob(f"{PARTIAL}*"):
-        process = folder.name.rpartition("-")[2]
-        if not (process.isdigit() and _is_running(int(process))):
-            shutil.rmtree(folder, ignore_errors=True)
-
-
-def _is_running(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        return True
-    return True

@@ -1,0 +1,177 @@
+"""Checked options -> data sets: frames of a split, at full resolution or at the network's size."""
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+from col3d.app.config import DataOptions, PhantomOptions, SourceOptions
+from col3d.app.stores import stored_frames
+from col3d.checks import DataError
+from col3d.data.c3vd import C3VD, C3VDv2
+from col3d.data.datamodule import FrameDataModule, Frames
+from col3d.data.folder import FolderFrames
+from col3d.data.frames import FrameSet
+from col3d.data.phantom import PhantomSettings, phantom_camera, render_phantom
+from col3d.data.simcol3d import SimCol3D
+from col3d.data.sized import Joined, Resized, SizedFrames, WithMixedTruth
+from col3d.data.splits import SPLITS, check_counts, expand, paper_split, parse_selection, video_table
+from col3d.data.transforms import Augment
+
+
+def phantom_settings(options: PhantomOptions, videos: Iterable[str] | None = None) -> PhantomSettings:
+    """What is asked to be rendered: these videos, or all."""
+    height, width = options.size
+    return PhantomSettings(
+        size_hw=(height, width),
+        frames_per_video=options.frames_per_video,
+        seed=options.seed,
+        videos=tuple(video_table() if videos is None else videos),
+    )
+
+
+def frame_set(source: SourceOptions, phantom: PhantomOptions, entries: Sequence[str]) -> FrameSet:
+    """The frames of these entries at full resolution; of none, a set that can look for them.
+
+    Raises:
+        DataError: a file or folder is missing or not what it should be.
+    """
+    root, normals = Path(source.root), source.normals
+    match source.name:
+        case "phantom":
+            camera = phantom_camera(phantom_settings(phantom))
+            return C3VD(root, entries, source.release, normals, camera)
+        case "c3vd":
+            return C3VD(root, entries, source.release, normals)
+        case "c3vdv2":
+            return C3VDv2(root, entries, source.release, normals)
+        case "simcol3d":
+            return SimCol3D(root, entries, normals)
+        case "folder":
+            assert source.layout is not None
+            return FolderFrames(root, entries, **source.layout.model_dump(), normals=normals)
+
+
+def entries_of(source: SourceOptions, phantom: PhantomOptions, part: str) -> list[str]:
+    """What a part of the split names, of the videos that are there; a phantom is rendered where it is not.
+
+    Raises:
+        DataError: a video is missing.
+    """
+    named = getattr(source.split, part)
+    if source.name == "phantom":
+        named = expand(named, list(video_table()))
+        videos = sorted({parse_selection(entry).video for entry in named})
+        render_phantom(Path(source.root), phantom_settings(phantom, videos))
+    return _at_hand(source, part, named, _videos_at_hand(source, phantom))
+
+
+def full_frames(source: SourceOptions, phantom: PhantomOptions, part: str) -> FrameSet:
+    """The frames of a part of the split at full resolution.
+
+    Raises:
+        DataError: a video is missing, or a file is not what it should be.
+    """
+    entries = entries_of(source, phantom, part)
+    frames = frame_set(source, phantom, entries)
+    _check_counts(source, part, entries, [frame.video for frame in frames.frames], frames.releases)
+    return frames
+
+
+def sized_frames(
+    source: SourceOptions,
+    phantom: PhantomOptions,
+    part: str,
+    size: Sequence[int],
+    say: Callable[[str], None] = print,
+) -> SizedFrames:
+    """The frames of a part of the split at a size: prepared ones where they fit, else from the files.
+
+    Which it is, `say` is told.
+
+    Raises:
+        DataError: a video is missing, a file or a store that was asked for is not what it should be.
+    """
+    size_hw = (size[0], size[1])
+    entries = entries_of(source, phantom, part)
+    stored = stored_frames(source, frame_set(source, phantom, []), entries, size_hw, say)
+    if stored is None:
+        return Resized(full_frames(source, phantom, part), size_hw)
+    releases = {video.video: video.release for video in stored.stored}
+    _check_counts(source, part, entries, stored.videos, releases)
+    return stored
+
+
+def data_module(
+    options: DataOptions,
+    phantom: PhantomOptions,
+    seed: int,
+    splits: Iterable[str] = SPLITS,
+    test_truth: str = "clean",
+) -> FrameDataModule:
+    """Loaders of frames at the network's size; `test_truth` says how the truth of the test split is."""
+    height, width = options.size
+    said: list[str] = []
+
+    def say(line: str) -> None:
+        """Once, not again for the next part."""
+        if line not in said:
+            said.append(line)
+            print(line, flush=True)
+
+    sets: dict[str, Frames] = {}
+    weights: list[tuple[int, float]] = []
+    for part in splits:
+        source = options.tested if part == "test" else options
+        if part == "train":
+            sources = [options, *options.also.values()]
+            parts = [sized_frames(source, phantom, part, options.size, say) for source in sources]
+            weights = [(len(frames), source.weight) for frames, source in zip(parts, sources, strict=True)]
+            sets[part] = Joined(parts) if options.also else parts[0]
+        elif part == "test" and test_truth == "mixed":
+            sets[part] = WithMixedTruth(full_frames(source, phantom, part), (height, width))
+        else:
+            sets[part] = sized_frames(source, phantom, part, options.size, say)
+    return FrameDataModule(
+        sets,
+        batch_size=options.batch_size,
+        workers=options.workers,
+        augment=Augment(**options.augment.model_dump()),
+        seed=seed,
+        weights=weights,
+    )
+
+
+def _videos_at_hand(source: SourceOptions, phantom: PhantomOptions) -> list[str]:
+    """Names of the videos of the data set, or where it is not there of the store that is named."""
+    root, store = Path(source.root), Path(source.store)
+    if not root.is_dir() and source.store not in ("auto", "none") and store.is_dir():
+        return sorted(path.name for path in store.iterdir() if path.is_dir())
+    return list(frame_set(source, phantom, []).video_folders(root))
+
+
+def _at_hand(source: SourceOptions, part: str, named: Sequence[str], present: Sequence[str]) -> list[str]:
+    """Entries of the split, without those of missing videos where that is allowed."""
+    videos = {entry: parse_selection(entry, present).video for entry in expand(named, present)}
+    missing = list(dict.fromkeys(video for video in videos.values() if video not in present))
+    if missing and not source.allow_missing:
+        raise DataError(
+            f"data.root={source.root}: videos {', '.join(missing)} of split {source.split.name} are missing; "
+            "copy them there, name others in data.split, or set data.allow_missing=true to leave them out"
+        )
+    chosen = [entry for entry, video in videos.items() if video in present]
+    if not chosen:
+        raise DataError(f"data.root={source.root}: no video of data.split.{part} is there")
+    if missing:
+        print(f"note: left out, because data.allow_missing=true: {', '.join(missing)}", flush=True)
+    return chosen
+
+
+def _check_counts(
+    source: SourceOptions, part: str, entries: Sequence[str], videos: Iterable[str], releases: dict[str, str]
+) -> None:
+    """Hold the paper's split against the table."""
+    if source.name != "c3vd" or source.allow_missing or entries != paper_split()[part]:
+        return
+    counts = Counter(videos)
+    for release in set(releases.values()):
+        check_counts({v: n for v, n in counts.items() if releases[v] == release}, release)

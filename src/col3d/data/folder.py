@@ -1,0 +1,57 @@
+"""Your own frames: images with depth in a unit that you describe, and a file that describes the camera."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from col3d.checks import DataError
+from col3d.data.files import read_any
+from col3d.data.frames import Frame, FrameSet, Kind, Take, check_root
+from col3d.geometry.camera_file import read_camera
+
+
+class FolderFrames(FrameSet):
+    """Frames of one folder for each video, in house units; see `FrameSet`.
+
+    Args:
+        root: folder of the folders of videos; it holds the camera's file.
+        videos: names, or frame ranges such as `clip_1:0-120`.
+        image: path of an image in the folder of its video, {} for its number, such as `{}.png`; 8-bit RGB.
+        depth: path of its depth likewise: whole numbers or floats, one channel; 0 is unknown.
+        depth_unit: millimetres that 1 in a depth file stands for.
+        max_depth: millimetres; what lies beyond does not count.
+        camera_file: in the root; see `col3d.geometry.camera_file`.
+        normals: `derived` from the depth, or `none`.
+    """
+
+    example = "as data.layout describes them"
+
+    def __init__(
+        self,
+        root: str | Path,
+        videos: Sequence[str],
+        image: str,
+        depth: str,
+        depth_unit: float,
+        max_depth: float,
+        camera_file: str = "camera.json",
+        normals: str = "derived",
+    ) -> None:
+        for option, name in (("image", image), ("depth", depth)):
+            if name.count("{}") != 1 or "{}" not in Path(name).name:
+                raise DataError(f"data.layout.{option}: expected {{}} once, in the file's name; got {name!r}")
+        self.kinds = {"color": Kind(image, 3, 8), "depth": Kind(depth, 1, None)}
+        self.depth_unit, self.max_depth = depth_unit, max_depth
+        check_root(Path(root))
+        super().__init__(root, videos, read_camera(Path(root) / camera_file), normals)
+        self.releases = {}
+
+    def depth_and_mask(self, frame: Frame, take: Take) -> tuple[Tensor, Tensor]:
+        """Depth (1, h, w) in mm, 0 where unknown, and where it is known (1, h, w)."""
+        values = take(read_any(frame.files["depth"], self.camera.size_hw)).astype(np.float32)
+        depth = torch.from_numpy(values)[None] * self.depth_unit
+        known = depth.isfinite() & (depth > 0) & (depth <= self.max_depth)
+        return torch.where(known, depth, 0.0), known

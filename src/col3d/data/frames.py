@@ -1,0 +1,238 @@
+"""What all data sets share: finding the files of frames, and items decoded to house units."""
+
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.utils.data import Dataset
+
+from col3d.checks import DataError, check_known
+from col3d.data.files import check_header, read_bgr
+from col3d.data.splits import Selection, parse_selection
+from col3d.geometry import Camera, normals_from_depth
+
+NORMALS = ("stored", "derived", "none")
+Take = Callable[[np.ndarray], np.ndarray]
+"""Chooses pixels of an array (h, w) or (h, w, c)."""
+
+
+def everywhere(values: np.ndarray) -> np.ndarray:
+    """Takes all pixels."""
+    return values
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One kind of file of a frame.
+
+    Attributes:
+        name: path in the video's folder, with {} for the number of the frame.
+        channels: of its pixels; None where any number will do.
+        bits: of each channel; None likewise.
+    """
+
+    name: str
+    channels: int | None
+    bits: int | None
+
+    def named(self, number: int) -> str:
+        """The path for a frame, padded to four digits."""
+        return self.name.format(f"{number:04d}")
+
+    def find(self, folder: Path) -> dict[int, Path]:
+        """Files by frame number, whether the number in their name is padded or not.
+
+        Raises:
+            DataError: two files have the same number.
+        """
+        place = folder / Path(self.name).parent
+        before, after = (re.escape(part) for part in Path(self.name).name.split("{}"))
+        pattern = re.compile(rf"{before}(\d+){after}")
+        found: dict[int, Path] = {}
+        for path in sorted(place.iterdir()) if place.is_dir() else ():
+            if match := pattern.fullmatch(path.name):
+                first = found.setdefault(int(match.group(1)), path)
+                if first != path:
+                    raise DataError(f"{path}: the same frame as {first.name}; keep one of them")
+        return found
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Where the files of one frame lie, by kind."""
+
+    video: str
+    number: int
+    files: Mapping[str, Path] = field(hash=False)
+
+
+class FrameSet(Dataset[dict[str, Any]], ABC):
+    """Frames of chosen videos at full resolution, in house units: the keys of a `Batch` without its axis b.
+
+    Every file's header and length is checked when the set is built.
+
+    Args:
+        root: folder of the folders of videos.
+        videos: names, labels of the paper, or frame ranges such as `cecum_t1_a:0-120`.
+        camera: lens and size of the stored frames.
+        normals: `stored` reads them, `derived` computes them from the depth, `none` leaves them out.
+
+    Raises:
+        DataError: names the file or video, the rule and what came.
+        ValueError: unknown `normals`, or `stored` where the data set has none.
+    """
+
+    kinds: Mapping[str, Kind]
+    """`color`, `depth`, and those of `normals` and `occlusion` that the data set has."""
+    max_depth: float
+    """Millimetres: the largest depth that counts."""
+    releases: dict[str, str]
+    """By video, which release of the data set its files follow."""
+    example: ClassVar[str]
+    """Two files that a frame needs, as a reader would write them."""
+
+    def __init__(self, root: str | Path, videos: Sequence[str], camera: Camera, normals: str) -> None:
+        self.root, self.camera = Path(root), camera
+        self.normals = check_known("data.normals", normals, NORMALS)
+        if normals == "stored" and "normals" not in self.kinds:
+            raise DataError("data.normals: this data set stores none; take derived or none")
+        self.frames: list[Frame] = []
+        for entry in videos:
+            frames = self.find(entry)
+            for frame in frames:
+                self.check(frame)
+            self.frames += frames
+
+    @classmethod
+    def video_folders(cls, root: Path) -> dict[str, Path]:
+        """The folder of each video by its name: all folders in the root, but for hidden ones.
+
+        Raises:
+            DataError: there is no such root.
+        """
+        check_root(root)
+        folders = sorted(path for path in root.iterdir() if path.is_dir() and not path.name.startswith("."))
+        return {path.name: path for path in folders}
+
+    def needed(self) -> list[str]:
+        """Kinds of files that are read."""
+        return ["color", "depth", *(["normals"] if self.normals == "stored" else [])]
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    def __getitem__(self, index: int) -> dict[str, Any]:
+        frame = self.frames[index]
+        return {
+            "image": torch.from_numpy(self.image(index)).permute(2, 0, 1).float() / 255,
+            **self.truth(index),
+            "rays": self.camera.rays(),
+            "video": frame.video,
+            "frame": frame.number,
+        }
+
+    def image(self, index: int) -> np.ndarray:
+        """RGB (h, w, 3) in 8 bits."""
+        bgr = read_bgr(self.frames[index].files["color"], self.camera.size_hw, np.uint8)
+        return np.ascontiguousarray(bgr[..., ::-1])
+
+    def truth(self, index: int, take: Take = everywhere) -> dict[str, Tensor]:
+        """Depth (1, h, w) in mm, mask (1, h, w) and normals (3, h, w) where they are asked for.
+
+        Args:
+            index: of the frame.
+            take: which pixels; what is not taken need not be decoded.
+        """
+        frame = self.frames[index]
+        if self.normals == "derived":
+            whole = self.depth_and_mask(frame, everywhere)
+            normals = normals_from_depth(whole[0][None], self.camera.rays(), whole[1][None])[0]
+            depth, mask, normals = (_taken(values, take) for values in (*whole, normals))
+        else:
+            depth, mask = self.depth_and_mask(frame, take)
+            if self.normals == "none":
+                return {"depth": depth, "mask": mask}
+            normals = torch.where(mask, self.stored_normals(frame, take), 0.0)
+        return {"depth": depth, "normals": normals, "mask": mask & (normals != 0).any(dim=0, keepdim=True)}
+
+    @abstractmethod
+    def depth_and_mask(self, frame: Frame, take: Take) -> tuple[Tensor, Tensor]:
+        """Depth (1, h, w) in mm, 0 where unknown, and where it is known (1, h, w)."""
+
+    def stored_normals(self, frame: Frame, take: Take) -> Tensor:
+        """Unit normals (3, h, w) in house axes; the zero vector where none is stored."""
+        raise NotImplementedError
+
+    def find(self, entry: str) -> list[Frame]:
+        """The frames of an entry of a split, with the files that are needed.
+
+        Raises:
+            DataError: there is no such video, a frame lacks a file, or was chosen before.
+        """
+        folders = self.video_folders(self.root)
+        selection = parse_selection(entry, list(folders))
+        folder = folders.get(selection.video)
+        if folder is None:
+            raise DataError(
+                f"{self.root / selection.video}: no such video; copy it there or leave it out of data.split"
+            )
+        frames = find_frames(folder, selection, self.kinds, self.needed(), self.example)
+        if twice := {frame.number for frame in frames} & self._numbers(selection.video):
+            raise DataError(
+                f"split entry {entry!r}: frame {min(twice)} of {selection.video} is chosen already"
+            )
+        return frames
+
+    def check(self, frame: Frame) -> None:
+        """Refuse a frame one of whose files is not the complete image that it should be.
+
+        Raises:
+            DataError: names the file.
+        """
+        for kind in self.needed():
+            check_header(
+                frame.files[kind], self.camera.size_hw, self.kinds[kind].channels, self.kinds[kind].bits
+            )
+
+    def _numbers(self, video: str) -> set[int]:
+        return {frame.number for frame in self.frames if frame.video == video}
+
+
+def _taken(values: Tensor, take: Take) -> Tensor:
+    return torch.from_numpy(np.ascontiguousarray(take(values.movedim(0, -1).numpy()))).movedim(-1, 0)
+
+
+def find_frames(
+    folder: Path, selection: Selection, kinds: Mapping[str, Kind], needed: Sequence[str], example: str
+) -> list[Frame]:
+    """Frames of a video by number, each with its files of the kinds that are needed.
+
+    Raises:
+        DataError: there is no frame, or a frame lacks a file.
+    """
+    found = {kind: kinds[kind].find(folder) for kind in needed}
+    chosen = sorted(n for n in found["color"].keys() | found["depth"].keys() if n in selection)
+    if not chosen:
+        raise DataError(f"{folder}: no frames {example} for {selection} in it")
+    for kind in needed:
+        for number in chosen:
+            if number not in found[kind]:
+                hint = "; data.normals=derived computes them from the depth" if kind == "normals" else ""
+                raise DataError(f"{folder}: frame {number} has no {kinds[kind].named(number)}{hint}")
+    return [Frame(selection.video, n, {kind: found[kind][n] for kind in needed}) for n in chosen]
+
+
+def check_root(root: Path) -> None:
+    """Refuse a root that is no folder.
+
+    Raises:
+        DataError: says what it should be.
+    """
+    if not root.is_dir():
+        raise DataError(f"data.root={root}: no such folder; it holds one folder for each video")

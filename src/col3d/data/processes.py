@@ -1,0 +1,137 @@
+"""Work on several videos at a time, with progress, and folders that are there whole or not at all."""
+
+import multiprocessing
+import os
+import shutil
+import signal
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_EXCEPTION, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import cv2
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+POLL_SECONDS = 0.2
+PARTIAL = ".partial-"
+
+_frames_done: Any = None
+"""In a worker process: the counter it shares with its parent."""
+
+
+def in_processes(
+    work: Callable[..., Any],
+    jobs: Sequence[Sequence[Any]],
+    label: str,
+    frames: int,
+    workers: int | None = None,
+    progress: bool = True,
+) -> list[Any]:
+    """Call `work(*job, frame_done)` for every job, several at a time, under a bar with the time left.
+
+    Args:
+        work: a function of a module; it calls `frame_done()` after each frame.
+        jobs: its other arguments.
+        label: what the bar is of.
+        frames: of all jobs together.
+        workers: processes, as many as cores when absent. More than one needs a main module that can be
+            imported, as multiprocessing's `spawn` does.
+        progress: show the bar.
+
+    Returns:
+        What it returned for each job, in their order.
+
+    Raises:
+        Exception: the first that a job raises; jobs that have not begun are given up.
+    """
+    workers = min(workers or os.cpu_count() or 1, len(jobs))
+    columns = (
+        TextColumn(label),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("frames,"),
+        TimeRemainingColumn(),
+        TextColumn("left"),
+    )
+    with Progress(*columns, disable=not progress or not jobs) as bar:
+        task = bar.add_task("frames", total=frames)
+        if workers > 1:
+            return _in_pool(work, jobs, workers, lambda done: bar.update(task, completed=done))
+        return [work(*job, lambda: bar.advance(task)) for job in jobs]
+
+
+def _in_pool(
+    work: Callable[..., Any], jobs: Sequence[Sequence[Any]], workers: int, report: Callable[[int], None]
+) -> list[Any]:
+    """Spawned, not forked: forking a process that has used threads may hang."""
+    context = multiprocessing.get_context("spawn")
+    counter = context.Value("q", 0)
+    with ProcessPoolExecutor(workers, context, initializer=_start, initargs=(counter,)) as pool:
+        futures: list[Future[Any]] = [pool.submit(_counted, work, job) for job in jobs]
+        waiting = set(futures)
+        try:
+            while waiting:
+                done, waiting = wait(waiting, POLL_SECONDS, FIRST_EXCEPTION)
+                report(counter.value)
+                for future in done:
+                    future.result()
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for process in multiprocessing.active_children():
+                process.terminate()
+            raise
+        return [future.result() for future in futures]
+
+
+def _start(counter: Any) -> None:
+    global _frames_done  # noqa: PLW0603 - a pool hands its workers shared values at their start alone
+    _frames_done = counter
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the parent, which ends its workers
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # so that they clear away what is half done
+    cv2.setNumThreads(1)
+
+
+def _counted(work: Callable[..., Any], job: Sequence[Any]) -> Any:
+    return work(*job, _count)
+
+
+def _count() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None and not parent.is_alive():
+        sys.exit(1)
+    with _frames_done.get_lock():
+        _frames_done.value += 1
+
+
+@contextmanager
+def whole_folder(folder: Path) -> Iterator[Path]:
+    """A folder to fill that takes the place of `folder` when the block ends well, and vanishes otherwise."""
+    partial = folder.parent / f"{PARTIAL}{folder.name}-{os.getpid()}"
+    shutil.rmtree(partial, ignore_errors=True)
+    partial.mkdir(parents=True)
+    try:
+        yield partial
+        shutil.rmtree(folder, ignore_errors=True)
+        partial.replace(folder)
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+
+
+def remove_stale(root: Path) -> None:
+    """Delete what interrupted processes left behind; folders of running ones stay."""
+    for folder in root.glob(f"{PARTIAL}*"):
+        process = folder.name.rpartition("-")[2]
+        if not (process.isdigit() and _is_running(int(process))):
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def _is_running(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True

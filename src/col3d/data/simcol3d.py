@@ -1,0 +1,71 @@
+"""SimCol3D: rendered colonoscopies with depth, seen by a pinhole; normals are those of the depth.
+
+References:
+    Rau, Bano, Jin, Azagra, Morlana, Kader, Sanderson, ..., Stoyanov: SimCol3D, 3D Reconstruction during
+    Colonoscopy Challenge, Medical Image Analysis 2024.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from col3d.data.files import read_grey
+from col3d.data.frames import Frame, FrameSet, Kind, Take, check_root
+from col3d.geometry import Camera, PinholeCamera
+
+MAX_DEPTH = 200.0
+"""Millimetres that the code 255 * 256 stands for, the highest that the data set uses."""
+FULL_CODE = 255 * 256
+
+
+class SimCol3D(FrameSet):
+    """Frames of chosen videos at 475 x 475, in house units; see `FrameSet`.
+
+    A video is a folder of `FrameBuffer_NNNN.png` with `Depth_NNNN.png`, at most two levels below the root:
+    `SyntheticColon_I/Frames_S1` is the video `Frames_S1`. Depth code 0 does not count.
+
+    Args:
+        root: folder of the folders of scenes.
+        videos: names, or frame ranges such as `Frames_S1:0-120`.
+        normals: `derived` from the depth, or `none`.
+        camera: lens and size of the stored frames; the data set's own when absent.
+    """
+
+    kinds: Mapping[str, Kind] = {
+        "color": Kind("FrameBuffer_{}.png", 3, 8),
+        "depth": Kind("Depth_{}.png", 1, 16),
+    }
+    example = "FrameBuffer_NNNN.png with Depth_NNNN.png"
+    max_depth = MAX_DEPTH
+
+    def __init__(
+        self,
+        root: str | Path,
+        videos: Sequence[str],
+        normals: str = "derived",
+        camera: Camera | None = None,
+    ) -> None:
+        super().__init__(root, videos, camera or self.lens(), normals)
+        self.releases = {}
+
+    @staticmethod
+    def lens() -> Camera:
+        """The camera of the data set at the size of its frames."""
+        return PinholeCamera.from_focal((475, 475), 227.6, 227.6, 227.6, 237.5)
+
+    @classmethod
+    def video_folders(cls, root: Path) -> dict[str, Path]:
+        """The folder of each video by its own name, wherever it lies."""
+        check_root(root)
+        frames = (path for pattern in ("*", "*/*", "*/*/*") for path in root.glob(pattern) if path.is_dir())
+        return {path.name: path for path in sorted(frames) if next(path.glob("FrameBuffer_*.png"), None)}
+
+    def depth_and_mask(self, frame: Frame, take: Take) -> tuple[Tensor, Tensor]:
+        """Depth (1, h, w) in mm, 0 where unknown, and where it is known (1, h, w)."""
+        codes = take(read_grey(frame.files["depth"], self.camera.size_hw, np.uint16))
+        known = torch.from_numpy((codes > 0) & (codes <= FULL_CODE))[None]
+        depth = torch.from_numpy(codes.astype(np.float32))[None] * (MAX_DEPTH / FULL_CODE)
+        return torch.where(known, depth, 0.0), known

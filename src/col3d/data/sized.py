@@ -1,0 +1,111 @@
+"""Frames at a network's size: from the files, from several data sets, in codes or in house units."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import Any
+
+import torch
+from torch import Tensor
+from torch.utils.data import Dataset
+
+from col3d.data.codes import Codes, decode, encode
+from col3d.data.frames import FrameSet
+from col3d.data.resize import Resize
+from col3d.geometry import Camera
+
+
+class SizedFrames(Dataset[dict[str, Any]], ABC):
+    """Frames of one size whose values are those of their codes, whatever they are read from.
+
+    Attributes:
+        cameras: that saw them, at their size; `Codes.lens` counts these.
+        videos: of each frame, in order.
+    """
+
+    cameras: tuple[Camera, ...]
+    videos: list[str]
+
+    @abstractmethod
+    def codes(self, indices: Sequence[int]) -> Codes:
+        """Frames as a batch of codes."""
+
+    def __len__(self) -> int:
+        return len(self.videos)
+
+    def __getitem__(self, index: int) -> dict[str, Any]:
+        """A frame in house units: the keys of a `Batch` without its axis b."""
+        batch = decode(self.codes([index]), self.cameras)
+        return {key: values[0] for key, values in batch.items()}  # type: ignore[index]
+
+
+class Resized(SizedFrames):
+    """A data set's frames, read from its files and resized."""
+
+    def __init__(self, frames: FrameSet, size_hw: tuple[int, int]) -> None:
+        self.frames, self.resize = frames, Resize(size_hw, frames.camera)
+        self.cameras = (self.resize.resized_camera,)
+        self.videos = [frame.video for frame in frames.frames]
+
+    def codes(self, indices: Sequence[int]) -> Codes:
+        """Frames as a batch of codes."""
+        return collated([self.encoded(index) for index in indices])
+
+    def encoded(self, index: int) -> dict[str, Any]:
+        """One frame's codes."""
+        item, depth = self.resize.read(self.frames, index), self.frames.max_depth
+        about = {"video": item["video"], "frame": item["frame"], "max_depth": depth, "lens": 0}
+        return encode(item, depth) | about
+
+
+class WithMixedTruth(Dataset[dict[str, Any]]):
+    """A data set's frames, resized as published programs do it; in house units alone, for scoring."""
+
+    def __init__(self, frames: FrameSet, size_hw: tuple[int, int]) -> None:
+        self.frames, self.resize = frames, Resize(size_hw, frames.camera, "mixed")
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    def __getitem__(self, index: int) -> dict[str, Any]:
+        return self.resize(self.frames[index])
+
+
+class Joined(SizedFrames):
+    """The frames of several data sets one after the other; all have normals, or none has."""
+
+    def __init__(self, parts: Sequence[SizedFrames]) -> None:
+        self.parts = tuple(parts)
+        self.cameras = tuple(camera for part in parts for camera in part.cameras)
+        self.videos = [video for part in parts for video in part.videos]
+        self.places = [(n, i) for n, part in enumerate(parts) for i in range(len(part))]
+
+    def codes(self, indices: Sequence[int]) -> Codes:
+        """Frames as a batch of codes."""
+        return collated([self._one(*self.places[index]) for index in indices])
+
+    def _one(self, number: int, index: int) -> dict[str, Any]:
+        batch = self.parts[number].codes([index])
+        cameras_before = sum(len(part.cameras) for part in self.parts[:number])
+        return {key: values[0] for key, values in batch.items()} | {  # type: ignore[index]
+            "lens": int(batch["lens"][0]) + cameras_before
+        }
+
+
+def collated(items: Sequence[dict[str, Any]]) -> Codes:
+    """Items as one batch, in memory that processes share where a worker loads them."""
+    batch: dict[str, Any] = {}
+    for key in items[0]:
+        values = [item[key] for item in items]
+        if isinstance(values[0], str):
+            batch[key] = values
+        elif isinstance(values[0], Tensor) and values[0].ndim:
+            batch[key] = torch.stack(values, out=empty((len(values), *values[0].shape), values[0].dtype))
+        else:
+            batch[key] = torch.tensor([float(v) if key == "max_depth" else int(v) for v in values])
+    return batch  # type: ignore[return-value]
+
+
+def empty(shape: tuple[int, ...], dtype: torch.dtype) -> Tensor:
+    """A tensor to fill; a worker of a loader makes it where its parent reads it, and spares a copy."""
+    values = torch.empty(shape, dtype=dtype)
+    return values.share_memory_() if torch.utils.data.get_worker_info() else values
