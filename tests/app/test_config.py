@@ -7,6 +7,7 @@ from tiny_run import CONF, composed
 from col3d.app.config import (
     AugmentOptions,
     EvaluateOptions,
+    LayoutOptions,
     LossOptions,
     ModelOptions,
     PrepareOptions,

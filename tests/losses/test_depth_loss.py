@@ -1,5 +1,6 @@
 """SILog: the published figure, a twin in numpy, and laws."""
 
+import laws
 import numpy as np
 import pytest
 import torch
@@ -7,10 +8,7 @@ from torch import Tensor
 
 from col3d.losses import silog
 
-GENERATOR = torch.Generator().manual_seed(0)
-PREDS = torch.rand(2, 1, 13, 17, generator=GENERATOR) * 80 + 2
-TARGET = torch.rand(2, 1, 13, 17, generator=GENERATOR) * 80 + 2
-MASK = torch.rand(2, 1, 13, 17, generator=GENERATOR) > 0.3
+PREDS, TARGET, MASK = laws.depth_maps(masked=0.3)
 
 
 def twin(preds: Tensor, target: Tensor, mask: Tensor, focus: float = 0.85, epsilon: float = 0.0) -> float:
@@ -50,33 +48,17 @@ def test_means_are_over_the_pixels_of_the_whole_batch() -> None:
 
 
 def test_zero_at_the_truth_with_no_gradient() -> None:
-    preds = TARGET.clone().requires_grad_()
-    loss = silog(preds, TARGET, MASK)
-    loss.backward()
-    assert loss.item() == 0
-    assert preds.grad is not None
-    assert (preds.grad == 0).all()
+    laws.costs_nothing_at_truth(silog, TARGET, MASK)
 
 
 @pytest.mark.parametrize("junk", [float("nan"), float("inf"), -float("inf"), 0.0, -3.0])
 def test_masked_pixels_are_inert(junk: float) -> None:
-    preds = torch.where(MASK, PREDS, junk).requires_grad_()
-    loss = silog(preds, torch.where(MASK, TARGET, junk), MASK)
-    loss.backward()
-    assert torch.equal(loss, silog(PREDS, TARGET, MASK))
-    assert preds.grad is not None
-    assert (preds.grad[~MASK] == 0).all()
-    assert (preds.grad[MASK] != 0).all()
-    assert preds.grad.isfinite().all()
+    for gradient in laws.masked_is_inert(silog, PREDS, TARGET, MASK, junk):
+        assert (gradient[MASK] != 0).all()
 
 
 def test_nothing_counts() -> None:
-    preds = PREDS.clone().requires_grad_()
-    loss = silog(preds, TARGET, torch.zeros_like(MASK))
-    loss.backward()
-    assert loss.item() == 0
-    assert preds.grad is not None
-    assert (preds.grad == 0).all()
+    laws.costs_nothing(silog, PREDS, TARGET, torch.zeros_like(MASK))
 
 
 def test_scale() -> None:
@@ -94,28 +76,16 @@ def test_scale() -> None:
 
 @pytest.mark.parametrize("low", [0.0, 1e-30, -1.0])
 def test_depth_of_nothing_is_finite(low: float) -> None:
-    preds = PREDS.clone()
-    preds[0, 0, 0, :5] = low
-    preds.requires_grad_()
-    loss = silog(preds, TARGET, torch.ones_like(MASK))
-    loss.backward()
-    assert loss.isfinite()
-    assert preds.grad is not None
-    assert preds.grad.isfinite().all()
+    laws.depth_of_nothing_is_finite(silog, PREDS, TARGET, low)
 
 
 @pytest.mark.parametrize("dtype", [torch.bfloat16, torch.float16])
 def test_half_precision_is_computed_in_float32(dtype: torch.dtype) -> None:
-    preds = PREDS.to(dtype).requires_grad_()
-    loss = silog(preds, TARGET, MASK)
-    loss.backward()
-    assert loss.dtype == torch.float32
-    assert loss.item() == pytest.approx(twin(PREDS.to(dtype), TARGET, MASK), rel=1e-5)
-    assert preds.grad is not None
-    assert preds.grad.isfinite().all()
+    half = PREDS.to(dtype)
+    laws.half_precision_is_close(silog, half, TARGET, MASK, twin(half, TARGET, MASK), rel=1e-5)
 
 
 def test_gradient_is_that_of_finite_differences() -> None:
-    preds = PREDS[:, :, :3, :4].double().requires_grad_()
-    target, mask = TARGET[:, :, :3, :4].double(), MASK[:, :, :3, :4]
-    assert torch.autograd.gradcheck(lambda p: silog(p, target, mask), (preds,))
+    laws.gradient_is_that_of_finite_differences(
+        silog, *(maps[:, :, :3, :4] for maps in (PREDS, TARGET, MASK))
+    )

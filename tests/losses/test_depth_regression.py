@@ -3,6 +3,7 @@
 import inspect
 import math
 
+import laws
 import numpy as np
 import pytest
 import torch
@@ -11,10 +12,7 @@ from torch import Tensor
 from col3d.losses.depth import silog
 from col3d.losses.depth_regression import depth_l1, rmse_log
 
-GENERATOR = torch.Generator().manual_seed(0)
-PREDS = torch.rand(2, 1, 13, 17, generator=GENERATOR) * 80 + 2
-TARGET = torch.rand(2, 1, 13, 17, generator=GENERATOR) * 80 + 2
-MASK = torch.rand(2, 1, 13, 17, generator=GENERATOR) > 0.3
+PREDS, TARGET, MASK = laws.depth_maps(masked=0.3)
 
 
 def l1_twin(preds: np.ndarray, target: np.ndarray) -> float:
@@ -43,56 +41,32 @@ def test_depth_loss_equals_its_twin(loss, twin) -> None:
 
 @both
 def test_the_true_depth_costs_nothing(loss, twin) -> None:
-    preds = TARGET.clone().requires_grad_()
-    found = loss(preds, TARGET, MASK)
-    found.backward()
-    assert found.item() == 0
-    assert preds.grad is not None
-    assert (preds.grad == 0).all()
+    laws.costs_nothing_at_truth(loss, TARGET, MASK)
 
 
 @both
 @pytest.mark.parametrize("junk", [float("nan"), float("inf"), -float("inf"), 0.0, -3.0])
 def test_masked_depth_is_inert(loss, twin, junk: float) -> None:
-    preds, target = (torch.where(MASK, depth, junk).requires_grad_() for depth in (PREDS, TARGET))
-    found = loss(preds, target, MASK)
-    found.backward()
-    assert torch.equal(found, loss(PREDS, TARGET, MASK))
-    for values in (preds, target):
-        assert values.grad is not None
-        assert (values.grad[~MASK] == 0).all()
-        assert (values.grad[MASK] != 0).all()
-        assert values.grad.isfinite().all()
+    for gradient in laws.masked_is_inert(loss, PREDS, TARGET, MASK, junk):
+        assert (gradient[MASK] != 0).all()
 
 
 @both
 def test_no_depth_counts(loss, twin) -> None:
-    preds = PREDS.clone().requires_grad_()
-    found = loss(preds, TARGET, torch.zeros_like(MASK))
-    found.backward()
-    assert found.item() == 0
-    assert preds.grad is not None
-    assert (preds.grad == 0).all()
+    laws.costs_nothing(loss, PREDS, TARGET, torch.zeros_like(MASK))
 
 
 @both
 @pytest.mark.parametrize("dtype", [torch.bfloat16, torch.float16])
 def test_half_precision_depth(loss, twin, dtype: torch.dtype) -> None:
-    preds = PREDS.to(dtype).requires_grad_()
-    found = loss(preds, TARGET, MASK)
-    found.backward()
-    assert found.dtype == torch.float32
-    expected = twin(counted(PREDS.to(dtype), MASK), counted(TARGET, MASK))
-    assert found.item() == pytest.approx(expected, rel=1e-5)
-    assert preds.grad is not None
-    assert preds.grad.isfinite().all()
+    half = PREDS.to(dtype)
+    expected = twin(counted(half, MASK), counted(TARGET, MASK))
+    laws.half_precision_is_close(loss, half, TARGET, MASK, expected, rel=1e-5)
 
 
 @both
 def test_gradient_of_depth_losses(loss, twin) -> None:
-    preds = PREDS[:, :, :3, :4].double().requires_grad_()
-    target, mask = TARGET[:, :, :3, :4].double(), MASK[:, :, :3, :4]
-    assert torch.autograd.gradcheck(lambda p: loss(p, target, mask), (preds,))
+    laws.gradient_is_that_of_finite_differences(loss, *(maps[:, :, :3, :4] for maps in (PREDS, TARGET, MASK)))
 
 
 @both
@@ -133,11 +107,4 @@ def test_rmse_log_is_never_below_its_scale_invariant_part() -> None:
 
 @pytest.mark.parametrize("low", [0.0, 1e-30, -1.0])
 def test_logarithm_of_nothing_is_finite(low: float) -> None:
-    preds = PREDS.clone()
-    preds[0, 0, 0, :5] = low
-    preds.requires_grad_()
-    found = rmse_log(preds, TARGET, torch.ones_like(MASK))
-    found.backward()
-    assert found.isfinite()
-    assert preds.grad is not None
-    assert preds.grad.isfinite().all()
+    laws.depth_of_nothing_is_finite(rmse_log, PREDS, TARGET, low)

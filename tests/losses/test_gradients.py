@@ -2,6 +2,7 @@
 
 import inspect
 
+import laws
 import numpy as np
 import pytest
 import torch
@@ -10,10 +11,7 @@ from torch import Tensor
 
 from col3d.losses.gradients import gradient_direction, gradient_l1, sobel, with_neighbours
 
-GENERATOR = torch.Generator().manual_seed(0)
-PREDS = torch.rand(2, 1, 13, 17, generator=GENERATOR) * 80 + 2
-TARGET = torch.rand(2, 1, 13, 17, generator=GENERATOR) * 80 + 2
-MASK = torch.rand(2, 1, 13, 17, generator=GENERATOR) > 0.05
+PREDS, TARGET, MASK = laws.depth_maps(masked=0.05)
 ALL = torch.ones_like(MASK)
 KERNEL = np.array([[-1.0, 0, 1], [-2, 0, 2], [-1, 0, 1]])
 
@@ -107,37 +105,20 @@ def test_mirrored_and_turned_frames_cost_the_same(loss, twin, turn) -> None:
 
 @both
 def test_true_slopes_cost_nothing(loss, twin) -> None:
-    preds = TARGET.clone().requires_grad_()
-    found = loss(preds, TARGET, MASK)
-    found.backward()
-    assert found.item() == 0
-    assert preds.grad is not None
-    assert (preds.grad == 0).all()
+    laws.costs_nothing_at_truth(loss, TARGET, MASK)
 
 
 @both
 @pytest.mark.parametrize("junk", [float("nan"), float("inf"), 0.0, 500.0])
 def test_masked_pixels_have_no_slope(loss, twin, junk: float) -> None:
-    preds, target = (torch.where(MASK, depth, junk).requires_grad_() for depth in (PREDS, TARGET))
-    found = loss(preds, target, MASK)
-    found.backward()
-    assert torch.equal(found, loss(PREDS, TARGET, MASK))
-    for values in (preds, target):
-        assert values.grad is not None
-        assert (values.grad[~MASK] == 0).all()
-        assert values.grad.isfinite().all()
-        assert (values.grad != 0).float().mean() > 0.5
+    for gradient in laws.masked_is_inert(loss, PREDS, TARGET, MASK, junk):
+        assert (gradient != 0).float().mean() > 0.5
 
 
 @both
 @pytest.mark.parametrize("mask", [torch.zeros_like(MASK), ALL & (torch.arange(17) % 3 > 0)])
 def test_no_pixel_has_a_slope(loss, twin, mask: Tensor) -> None:
-    preds = PREDS.clone().requires_grad_()
-    found = loss(preds, TARGET, mask)
-    found.backward()
-    assert found.item() == 0
-    assert preds.grad is not None
-    assert (preds.grad == 0).all()
+    laws.costs_nothing(loss, PREDS, TARGET, mask)
 
 
 @both
@@ -177,21 +158,15 @@ def test_one_flat_derivative() -> None:
 @both
 @pytest.mark.parametrize("dtype", [torch.bfloat16, torch.float16])
 def test_slopes_of_half_precision(loss, twin, dtype: torch.dtype) -> None:
-    preds = PREDS.to(dtype).requires_grad_()
-    found = loss(preds, TARGET, MASK)
-    found.backward()
-    assert found.dtype == torch.float32
-    assert found.item() == pytest.approx(twin(PREDS.to(dtype), TARGET, MASK), rel=1e-4)
-    assert preds.grad is not None
-    assert preds.grad.isfinite().all()
+    half = PREDS.to(dtype)
+    laws.half_precision_is_close(loss, half, TARGET, MASK, twin(half, TARGET, MASK), rel=1e-4)
 
 
 @both
 def test_gradient_of_slope_losses(loss, twin) -> None:
-    preds = PREDS[:, :, :4, :5].double().requires_grad_()
-    target, mask = TARGET[:, :, :4, :5].double(), ALL[:, :, :4, :5].clone()
+    preds, target, mask = (maps[:, :, :4, :5].clone() for maps in (PREDS, TARGET, ALL))
     mask[1, 0, 0, 0] = False
-    assert torch.autograd.gradcheck(lambda p: loss(p, target, mask), (preds,))
+    laws.gradient_is_that_of_finite_differences(loss, preds, target, mask)
 
 
 @both

@@ -5,6 +5,7 @@ from functools import cache
 import pytest
 import torch
 from parity import needs_parity, published_state
+from small import bfloat16_is_close, depth_is_in_range, every_parameter_has_learned, normals_build_upon
 from torch import Tensor, nn
 
 from col3d.models.monodepth_fpn import FeaturePyramid, MonoDepthFPN, enlarge_smoothly
@@ -95,10 +96,7 @@ def test_published_size() -> None:
 
 @pytest.mark.parametrize("size_hw", [(64, 96), (33, 70)])
 def test_depth_is_in_range_at_any_size(size_hw: tuple[int, int]) -> None:
-    with torch.no_grad():
-        depth = network().eval()(torch.rand(2, 3, *size_hw))["depth"]
-    assert depth.shape == (2, 1, *size_hw)
-    assert 0 < depth.min() <= depth.max() < 80
+    depth_is_in_range(network(), size_hw, max_depth=80)
 
 
 def test_full_size_is_the_enlarged_quarter() -> None:
@@ -132,11 +130,7 @@ def test_what_is_offered_to_other_decoders() -> None:
 
 
 def test_a_decoder_of_normals_builds_upon_it() -> None:
-    network = MonoDepthFPN("resnet18", width=64)
-    network.add_normals(width=64)
-    with torch.no_grad():
-        normals = network.eval()(torch.rand(1, 3, 60, 70))["normals"]
-    torch.testing.assert_close(normals.norm(dim=1), torch.ones(1, 60, 70))
+    normals_build_upon(MonoDepthFPN("resnet18", width=64))
 
 
 def test_pyramid_adds_what_comes_from_above() -> None:
@@ -158,19 +152,11 @@ def test_every_parameter_learns() -> None:
         if "bn2.weight" in name:  # timm starts these at zero, which hides the convolutions before them
             nn.init.ones_(weight)
     network(torch.rand(2, 3, 64, 96))["depth"].square().sum().backward()
-    assert not [n for n, p in network.named_parameters() if p.grad is None or not p.grad.any()]
-    assert all(p.grad is not None and p.grad.isfinite().all() for p in network.parameters())
+    every_parameter_has_learned(network)
 
 
 def test_bfloat16_is_finite_and_close() -> None:
-    image = torch.rand(2, 3, 64, 64)
-    with torch.no_grad():
-        exact = network().eval()(image)["depth"]
-        with torch.autocast("cpu", torch.bfloat16):
-            rough = network()(image)["depth"]
-    assert rough.dtype == torch.float32
-    assert rough.isfinite().all()
-    assert (rough - exact).abs().mean() < 1
+    bfloat16_is_close(network(), torch.rand(2, 3, 64, 64), mm=1)
 
 
 @pytest.mark.parametrize("width", [0, -4, 66])

@@ -5,6 +5,7 @@ import re
 import pytest
 import torch
 from parity import needs_parity, published_shapes
+from small import bfloat16_is_close, every_parameter_has_learned
 from torch import Tensor, nn
 
 from col3d.models.newcrfs import NeWCRFs
@@ -91,22 +92,13 @@ def test_depth_and_features_of_any_size(pyramid_norm: str) -> None:
 
 
 def test_bfloat16_is_finite_and_close(network: NeWCRFs) -> None:
-    image = torch.rand(1, 3, 64, 96)
-    with torch.no_grad():
-        exact = network(image)["depth"]
-        with torch.autocast("cpu", torch.bfloat16):
-            rough = network(image)["depth"]
-    assert rough.dtype == torch.float32
-    assert (rough - exact).abs().mean() < 2
+    bfloat16_is_close(network, torch.rand(1, 3, 64, 96), mm=2)
 
 
 def test_every_parameter_learns(network: NeWCRFs) -> None:
     depth = network(torch.rand(2, 3, 64, 64))["depth"]
     (depth * torch.randn_like(depth)).sum().backward()
-    grads = {name: parameter.grad for name, parameter in network.named_parameters()}
-    assert not [
-        name for name, grad in grads.items() if grad is None or not grad.isfinite().all() or not grad.any()
-    ]
+    every_parameter_has_learned(network)
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import pytest
 import torch
+from small import bfloat16_is_close, depth_is_in_range, every_parameter_has_learned, normals_build_upon
 from torch import Tensor, nn
 from torch.nn import functional as F
 
@@ -135,10 +136,7 @@ def test_starts_from_normal_weights() -> None:
 
 @pytest.mark.parametrize("size_hw", [(64, 64), (64, 128), (70, 100), (20, 40)])
 def test_depth_is_in_range_whatever_the_size(size_hw: tuple[int, int]) -> None:
-    with torch.no_grad():
-        depth = network().eval()(torch.rand(2, 3, *size_hw))["depth"]
-    assert depth.shape == (2, 1, *size_hw)
-    assert 0 < depth.min() <= depth.max() < 80
+    depth_is_in_range(network(), size_hw, max_depth=80)
 
 
 def test_small_depths_keep_their_digits() -> None:
@@ -162,11 +160,7 @@ def test_what_is_offered_to_others() -> None:
 
 
 def test_a_decoder_of_normals_builds_upon_the_u_net() -> None:
-    network = Pix2Pix(width=64, size=(64, 64))
-    network.add_normals(width=64)
-    with torch.no_grad():
-        normals = network.eval()(torch.rand(1, 3, 60, 70))["normals"]
-    torch.testing.assert_close(normals.norm(dim=1), torch.ones(1, 60, 70))
+    normals_build_upon(Pix2Pix(width=64, size=(64, 64)))
 
 
 @pytest.mark.parametrize("batch", [1, 2])
@@ -175,21 +169,13 @@ def test_every_parameter_learns_even_from_one_image(batch: int) -> None:
     image = torch.rand(batch, 3, 64, 64, requires_grad=True)
     torch.manual_seed(0)
     network(image)["depth"].square().sum().backward()
-    assert not [n for n, p in network.named_parameters() if p.grad is None or not p.grad.any()]
-    assert all(p.grad is not None and p.grad.isfinite().all() for p in network.parameters())
+    every_parameter_has_learned(network)
     assert image.grad is not None
     assert image.grad.any()
 
 
 def test_bfloat16_stays_finite_and_close() -> None:
-    image = torch.rand(2, 3, 64, 64)
-    with torch.no_grad():
-        exact = network().eval()(image)["depth"]
-        with torch.autocast("cpu", torch.bfloat16):
-            rough = network()(image)["depth"]
-    assert rough.dtype == torch.float32
-    assert rough.isfinite().all()
-    assert (rough - exact).abs().mean() < 1
+    bfloat16_is_close(network(), torch.rand(2, 3, 64, 64), mm=1)
 
 
 @pytest.mark.parametrize(
