@@ -11,6 +11,8 @@ import pytest
 import torch
 from torch import Tensor
 
+pytest.register_assert_rewrite("laws", "small", "parity", "tiny_run", "tiny_task", "fake_runs")
+
 Seen = tuple[np.ndarray, np.ndarray]
 """Distance along each unit ray and normal (not yet turned to the camera), of rays (n, 3)."""
 

@@ -45,6 +45,12 @@ def middle(values: Tensor) -> Tensor:
     return values[..., 30:-30, 30:-30]
 
 
+def test_items_without_normals(item: dict[str, Any]) -> None:
+    del item["normals"]
+    moved = Augment(rotation=10.0, flip=1.0, jitter=1.0)(batch_of(item), 0, 0)
+    assert set(moved) == set(Batch.__annotations__) - {"normals"}
+
+
 # mirroring
 
 

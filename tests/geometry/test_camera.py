@@ -13,7 +13,24 @@ from torch.nn.functional import interpolate
 from col3d.data.octagon import octagon_mask
 from col3d.geometry import Camera, OmnidirectionalCamera, PinholeCamera, normals_from_depth
 
-CAMERAS = {"pinhole": PinholeCamera.c3vd(), "omnidirectional": OmnidirectionalCamera.c3vd()}
+CAMERAS = {
+    "pinhole": PinholeCamera.c3vd(),
+    "omnidirectional": OmnidirectionalCamera.c3vd(),
+    "omnidirectional_v2": OmnidirectionalCamera.c3vdv2(),
+}
+OMNIDIRECTIONAL = {
+    "omnidirectional": (
+        [678.544839263292, 542.975887548343],
+        (0.999986882249990, 0.00288273829525059, -0.00296316513429569),
+        *(769.243600037458, -0.000812770624150226, 6.25674244578925e-07, -1.19662182144280e-09),
+    ),
+    "omnidirectional_v2": (
+        [677.739464094188, 543.057997844875],
+        (1.0, 0.0, 0.0),
+        *(767.733695862103, -0.000592506426558248, -2.69440266600040e-07, -2.16380341010063e-10),
+    ),
+}
+"""Centre; c, d, e of the stretch; a0, a2, a3, a4: the published calibrations."""
 CHAINS: dict[str, list[tuple[str, tuple[float, ...]]]] = {
     "as it is": [],
     "resized": [("resized", (320, 320))],
@@ -75,11 +92,10 @@ def rays_twin(kind: str, pixels: np.ndarray) -> np.ndarray:
             axis=1,
         )
     else:
-        stretch = np.array([[0.999986882249990, 0.00288273829525059], [-0.00296316513429569, 1.0]])
-        x, y = np.linalg.solve(stretch, (pixels - [678.544839263292, 542.975887548343]).T)
+        centre, (c, d, e), a0, a2, a3, a4 = OMNIDIRECTIONAL[kind]
+        x, y = np.linalg.solve(np.array([[c, d], [e, 1.0]]), (pixels - centre).T)
         r = np.hypot(x, y)
-        z = 769.243600037458 - 0.000812770624150226 * r**2 + 6.25674244578925e-07 * r**3
-        rays = np.stack([x, y, z - 1.19662182144280e-09 * r**4], axis=1)
+        rays = np.stack([x, y, a0 + a2 * r**2 + a3 * r**3 + a4 * r**4], axis=1)
     unit_rays: np.ndarray = rays / np.linalg.norm(rays, axis=1, keepdims=True)
     return unit_rays
 

@@ -74,7 +74,7 @@ def _numbers(name: str, values: Any, count: int) -> tuple[float, ...]:
         raise ValueError(f"{name}: expected {count} numbers, got {values!r}")
     if not all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
         raise ValueError(f"{name}: expected numbers, got {values!r}")
-    return tuple(values)
+    return tuple(float(value) for value in values)
 
 
 def _check_rest(given: Mapping[str, Any]) -> None:
