@@ -82,6 +82,18 @@ def read_grey(path: Path, size_hw: tuple[int, int], dtype: type[np.generic]) -> 
     return _read(path, size_hw, dtype)
 
 
+def read_colour(path: Path, size_hw: tuple[int, int]) -> np.ndarray:
+    """Any image as (h, w, 3) in 8 bits, blue first; what is transparent or of more bits loses that.
+
+    Raises:
+        DataError: the file cannot be decoded, or has another size.
+    """
+    pixels = _decoded(path, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+    if pixels.shape != (*size_hw, 3):
+        raise DataError(f"{path}: expected {size_hw[0]} x {size_hw[1]} pixels, got {pixels.shape[:2]}")
+    return pixels
+
+
 def read_any(path: Path, size_hw: tuple[int, int]) -> np.ndarray:
     """An image of one channel (h, w), of whatever type its values are.
 
@@ -103,8 +115,8 @@ def _read(path: Path, shape: tuple[int, ...], dtype: type[np.generic]) -> np.nda
     return pixels
 
 
-def _decoded(path: Path) -> np.ndarray:
-    pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+def _decoded(path: Path, flags: int = cv2.IMREAD_UNCHANGED) -> np.ndarray:
+    pixels = cv2.imread(str(path), flags)
     if pixels is None:
         raise DataError(f"{path}: {'cannot be decoded' if path.exists() else 'no such file'}; copy it again")
     return pixels

@@ -19,7 +19,7 @@ class FolderFrames(FrameSet):
     Args:
         root: folder of the folders of videos; it holds the camera's file.
         videos: names, or frame ranges such as `clip_1:0-120`.
-        image: path of an image in the folder of its video, {} for its number, such as `{}.png`; 8-bit RGB.
+        image: path of an image in the folder of its video, {} for its number, such as `{}.png`.
         depth: path of its depth likewise: whole numbers or floats, one channel; 0 is unknown.
         depth_unit: millimetres that 1 in a depth file stands for.
         max_depth: millimetres; what lies beyond does not count.
@@ -43,7 +43,7 @@ class FolderFrames(FrameSet):
         for option, name in (("image", image), ("depth", depth)):
             if name.count("{}") != 1 or "{}" not in Path(name).name:
                 raise DataError(f"data.layout.{option}: expected {{}} once, in the file's name; got {name!r}")
-        self.kinds = {"color": Kind(image, 3, 8), "depth": Kind(depth, 1, None)}
+        self.kinds = {"color": Kind(image, None, None), "depth": Kind(depth, 1, None)}
         self.depth_unit, self.max_depth = depth_unit, max_depth
         check_root(Path(root))
         super().__init__(root, videos, read_camera(Path(root) / camera_file), normals)

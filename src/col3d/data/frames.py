@@ -13,7 +13,7 @@ from torch import Tensor
 from torch.utils.data import Dataset
 
 from col3d.checks import DataError, check_known
-from col3d.data.files import check_header, read_bgr
+from col3d.data.files import check_header, read_bgr, read_colour
 from col3d.data.splits import Selection, parse_selection
 from col3d.geometry import Camera, normals_from_depth
 
@@ -139,7 +139,9 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
 
     def image(self, index: int) -> np.ndarray:
         """RGB (h, w, 3) in 8 bits."""
-        bgr = read_bgr(self.frames[index].files["color"], self.camera.size_hw, np.uint8)
+        path, exact = self.frames[index].files["color"], self.kinds["color"].bits is not None
+        size_hw = self.camera.size_hw
+        bgr = read_bgr(path, size_hw, np.uint8) if exact else read_colour(path, size_hw)
         return np.ascontiguousarray(bgr[..., ::-1])
 
     def truth(self, index: int, take: Take = everywhere) -> dict[str, Tensor]:
@@ -152,7 +154,8 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
         frame = self.frames[index]
         if self.normals == "derived":
             whole = self.depth_and_mask(frame, everywhere)
-            normals = normals_from_depth(whole[0][None], self.camera.rays(), whole[1][None])[0]
+            smooth = self.without_steps(whole[0])
+            normals = normals_from_depth(smooth[None], self.camera.rays(), whole[1][None])[0]
             depth, mask, normals = (_taken(values, take) for values in (*whole, normals))
         else:
             depth, mask = self.depth_and_mask(frame, take)
@@ -164,6 +167,10 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
     @abstractmethod
     def depth_and_mask(self, frame: Frame, take: Take) -> tuple[Tensor, Tensor]:
         """Depth (1, h, w) in mm, 0 where unknown, and where it is known (1, h, w)."""
+
+    def without_steps(self, depth: Tensor) -> Tensor:
+        """Depth (1, h, w) to derive normals from; data sets that store it coarsely smooth its steps away."""
+        return depth
 
     def stored_normals(self, frame: Frame, take: Take) -> Tensor:
         """Unit normals (3, h, w) in house axes; the zero vector where none is stored."""

@@ -1,0 +1,85 @@
+"""Your own frames: any layout, any unit of depth, any camera; what does not fit is said in a line."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+import torch
+
+from col3d.checks import DataError
+from col3d.data.folder import FolderFrames
+from col3d.geometry import PinholeCamera, angle_between
+
+CAMERA = PinholeCamera.from_focal((60, 80), 70.0, 71.0, 39.5, 29.5)
+LAYOUT = {"image": "rgb/img_{}.jpg", "depth": "depth/{}.tiff", "depth_unit": 1000.0, "max_depth": 90.0}
+
+
+@pytest.fixture
+def root(tmp_path: Path, look: Any) -> Path:
+    """A video of two frames of a sphere, with depth in metres as floats."""
+    depth, _, mask = look("sphere", CAMERA.rays())
+    metres = torch.where(mask, depth / 1000, torch.nan)[0, 0].numpy().astype(np.float32)
+    for name in ("rgb", "depth"):
+        (tmp_path / "clip_1" / name).mkdir(parents=True)
+    for number in (3, 12):
+        image = np.full((60, 80, 3), 50 + number, np.uint8)
+        cv2.imwrite(str(tmp_path / "clip_1" / "rgb" / f"img_{number}.jpg"), image)
+        cv2.imwrite(str(tmp_path / "clip_1" / "depth" / f"{number:06d}.tiff"), metres)
+    plain = {"model": "pinhole", "size": [60, 80], "fx": 70.0, "fy": 71.0, "cx": 39.5, "cy": 29.5}
+    (tmp_path / "camera.json").write_text(json.dumps(plain))
+    return tmp_path
+
+
+def test_frames_of_a_described_folder(root: Path, look: Any) -> None:
+    frames = FolderFrames(root, ["clip_1"], **LAYOUT)
+    assert [frame.number for frame in frames.frames] == [3, 12]
+    assert frames.camera == CAMERA
+    item = frames[1]
+    depth, normals, mask = look("sphere", CAMERA.rays())
+    counts = mask[0] & (depth[0] <= 90)
+    known = item["mask"]
+    assert (counts | ~known).all()
+    assert known.sum() > 0.9 * counts.sum()
+    torch.testing.assert_close(item["depth"][known], depth[0][known].float(), rtol=1e-5, atol=0)
+    assert angle_between(item["normals"], normals[0].float())[known].median() < 0.5
+    assert (item["image"] * 255).round().unique().tolist() == [62.0]
+
+
+def test_whole_numbers_and_a_largest_depth(root: Path, look: Any) -> None:
+    depth, _, mask = look("sphere", CAMERA.rays())
+    tenths = torch.where(mask, depth * 10, 0.0)[0, 0].numpy().astype(np.uint16)
+    for number in (3, 12):
+        cv2.imwrite(str(root / "clip_1" / f"{number}_depth.png"), tenths)
+    layout = {**LAYOUT, "depth": "{}_depth.png", "depth_unit": 0.1, "max_depth": float(depth[mask].median())}
+    item = FolderFrames(root, ["clip_1:3-3"], **layout, normals="none")[0]
+    assert 0.4 < item["mask"].float().mean() / mask.float().mean() < 0.6
+    assert (item["depth"] - depth[0])[item["mask"]].abs().max() < 0.11
+    assert item["depth"].max() <= layout["max_depth"]
+
+
+@pytest.mark.parametrize(
+    ("layout", "message"),
+    [
+        ({"image": "rgb/img.jpg"}, r"data\.layout\.image: expected \{\} once, in the file's name"),
+        ({"depth": "{}/{}.tiff"}, r"data\.layout\.depth: expected \{\} once"),
+        ({"image": "rgb/{}.png"}, r"clip_1: frame 3 has no rgb/0003\.png"),
+        ({"camera_file": "lens.json"}, r"lens\.json: the camera's file cannot be read"),
+    ],
+)
+def test_a_layout_that_does_not_fit(root: Path, layout: dict[str, Any], message: str) -> None:
+    with pytest.raises(DataError, match=message):
+        FolderFrames(root, ["clip_1"], **{**LAYOUT, **layout})
+
+
+def test_depth_of_several_channels_is_refused(root: Path) -> None:
+    cv2.imwrite(str(root / "clip_1" / "depth" / "000003.tiff"), np.zeros((60, 80, 3), np.uint16))
+    with pytest.raises(DataError, match=r"000003\.tiff: expected 1 channels"):
+        FolderFrames(root, ["clip_1"], **LAYOUT)
+
+
+def test_a_folder_without_videos(root: Path) -> None:
+    with pytest.raises(DataError, match=r"nowhere: no such folder"):
+        FolderFrames(root / "nowhere", ["clip_1"], **LAYOUT)
