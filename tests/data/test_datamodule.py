@@ -1,5 +1,6 @@
 """Loaders: each frame once where it is counted, and orders that differ by epoch and come back."""
 
+from collections import Counter
 from types import SimpleNamespace
 from typing import Any
 
@@ -7,7 +8,7 @@ import pytest
 import torch
 from torch.utils.data import Dataset
 
-from col3d.data.datamodule import EveryFrameOnce, FrameDataModule
+from col3d.data.datamodule import EveryFrameOnce, FrameDataModule, WeightedOrder
 from col3d.data.resize import Resize
 from col3d.data.transforms import Augment
 
@@ -97,3 +98,42 @@ def test_only_training_batches_are_augmented(item: dict[str, Any]) -> None:
     assert not torch.equal(found["depth"], batch["depth"])
     trainer.current_epoch = 4
     assert not torch.equal(module.on_after_batch_transfer(batch, 0)["depth"], found["depth"])
+
+
+# several data sets
+
+
+def shown(parts: list[tuple[int, float]], epoch: int, rank: int = 0, world_size: int = 1) -> list[int]:
+    sampler = WeightedOrder(parts, seed=3, rank=rank, world_size=world_size)
+    sampler.set_epoch(epoch)
+    chosen = list(sampler)
+    assert len(chosen) == len(sampler)
+    return chosen
+
+
+def test_weights_say_how_often_an_epoch_shows_a_frame() -> None:
+    parts = [(10, 1.0), (8, 2.5), (20, 0.25)]
+    for epoch in range(3):
+        counts = Counter(shown(parts, epoch))
+        assert [counts[index] for index in range(10)] == [1] * 10
+        assert {counts[index] for index in range(10, 18)} == {2, 3}
+        assert sum(counts[index] for index in range(10, 18)) == 20
+        assert sorted(counts[index] for index in range(18, 38)) == [0] * 15 + [1] * 5
+    assert shown(parts, 0) != shown(parts, 1)
+    assert shown(parts, 1) == shown(parts, 1)
+    assert set().union(*(shown(parts, epoch) for epoch in range(40))) == set(range(38))
+
+
+def test_data_sets_are_mixed_within_an_epoch() -> None:
+    first_half = shown([(50, 1.0), (50, 1.0)], 0)[:50]
+    assert 15 < sum(index < 50 for index in first_half) < 35
+
+
+@pytest.mark.parametrize("world_size", [2, 3, 7])
+def test_processes_share_a_mixed_epoch(world_size: int) -> None:
+    parts = [(10, 1.0), (6, 1.5)]
+    chosen = [index for rank in range(world_size) for index in shown(parts, 2, rank, world_size)]
+    assert len(chosen) == -(-19 // world_size) * world_size
+    extra = Counter(chosen) - Counter(shown(parts, 2))
+    assert sum(extra.values()) == len(chosen) - 19
+    assert not Counter(shown(parts, 2)) - Counter(chosen)

@@ -18,8 +18,8 @@ from col3d.data.frames import Frame, FrameSet, Kind, Take, check_root
 from col3d.geometry import Camera, PinholeCamera
 
 TIMES, WIDTH, NEAR_MM, NEAR_PIXELS = 3, 21, 4.0, 7.0
-"""Of the bilateral filter: it takes normals of a phantom's depth in such steps from 46 degrees off the truth, in
-the median, to 4; those of a tube to 0.4."""
+"""Of the bilateral filter: it takes normals of a phantom's depth in such steps from 46 degrees off the truth
+to 4 in the median; those of a tube to 0.4."""
 MAX_DEPTH = 200.0
 """Millimetres that the code 255 * 256 stands for, the highest that the data set uses."""
 FULL_CODE = 255 * 256
