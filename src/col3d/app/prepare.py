@@ -171,5 +171,5 @@ def _report(
     print(f"train.py reads it with {size}{asked}", flush=True)
 
 
-def _gigabytes(count: float) -> str:
+def _gigabytes(count: int) -> str:
     return f"{count / 1e9:.1f} GB" if count >= 1e8 else f"{count / 1e6:.1f} MB"
