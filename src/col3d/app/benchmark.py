@@ -12,10 +12,9 @@ from typing import Any
 
 import torch
 
-from col3d.app import build
 from col3d.app.config import TrainOptions
 from col3d.app.errors import check_options
-from col3d.app.frames import data_module
+from col3d.app.frames import data_module, settled
 from col3d.app.run_folder import RunFolder
 from col3d.app.truth import keep_truth
 from col3d.checks import UserError
@@ -40,7 +39,9 @@ def make_job(overrides: Sequence[str], given: Mapping[str, Any]) -> Job:
     Raises:
         UserError: an option breaks a rule.
     """
-    return Job(tuple(overrides), build.with_absolute_root(check_options(TrainOptions, given)))
+    options = check_options(TrainOptions, given)
+    data = settled(options.data, options.phantom)
+    return Job(tuple(overrides), options.model_copy(update={"data": data}))
 
 
 def distinct(jobs: Sequence[Job]) -> list[Job]:

@@ -18,7 +18,6 @@ from col3d.app.config import (
     PolynomialOptions,
     ProtocolOptions,
     SchedulerOptions,
-    SourceOptions,
     StepOptions,
     TrainOptions,
 )
@@ -37,19 +36,6 @@ from col3d.tasks.optimisation import (
     polynomial_decay,
     step_decay,
 )
-
-
-def with_absolute_root(options: TrainOptions) -> TrainOptions:
-    """The options with roots of data that hold from any folder."""
-    data = options.data
-    also = {name: _absolute(source) for name, source in data.also.items()}
-    test = data.test and _absolute(data.test)
-    moved = data.model_copy(update={"root": str(Path(data.root).absolute()), "also": also, "test": test})
-    return options.model_copy(update={"data": moved})
-
-
-def _absolute(source: SourceOptions) -> SourceOptions:
-    return source.model_copy(update={"root": str(Path(source.root).absolute())})
 
 
 def network(options: ModelOptions, size_hw: tuple[int, int]) -> DepthNetwork:

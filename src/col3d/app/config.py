@@ -420,3 +420,19 @@ class PrepareOptions(Options):
     phantom: PhantomOptions
     prepare: PrepareFileOptions
     workers: Annotated[int, Field(ge=1)] | None
+
+
+class VerifyOptions(Options):
+    """Everything that `verify.py` takes."""
+
+    data: DataOptions
+    phantom: PhantomOptions
+    fast: bool
+    output: str
+    workers: Annotated[int, Field(ge=1)] | None
+
+    @model_validator(mode="after")
+    def _fits(self) -> "VerifyOptions":
+        if self.data.test or self.data.also:
+            raise ValueError("data.test, data.also: are of trainings; verify.py checks data=...")
+        return self

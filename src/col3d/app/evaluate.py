@@ -13,7 +13,7 @@ from col3d.app import build
 from col3d.app.config import EvaluateOptions, ProtocolOptions, TrainerOptions
 from col3d.app.errors import check_options
 from col3d.app.frames import full_frames, sized_frames
-from col3d.app.results import Results, facts_of, print_audit
+from col3d.app.results import Results, facts_of
 from col3d.app.subject import Subject, subject_of
 from col3d.app.train import check_accelerator, make_trainer, quiet
 from col3d.batch import Batch, Prediction
@@ -37,12 +37,12 @@ def evaluate(given: Mapping[str, Any]) -> None:
     check_accelerator(options.accelerator)
     subject = subject_of(options)
     frames = sized_frames(subject.data, subject.phantom, options.split, subject.data.size)
-    print_audit(subject.data, options.split)
+    subject.scored.print_audit()
     for name, protocol in options.protocol.items():
         stored = _predicted(subject, frames, protocol.mirror, options)
-        facts = facts_of(subject.name, subject.seed, subject.data, options.split, name)
+        facts = facts_of(subject.name, subject.seed, subject.scored, name)
         folder, lengths = _folder(options, name), {str(options.split): len(frames)}
-        results = Results(facts, folder, subject.data, lengths, options.panels, protocol.average)
+        results = Results(facts, folder, subject.scored, lengths, options.panels, protocol.average)
         _score(stored, frames, name, protocol, subject, results)
         results.write(subject.task, Path(options.checkpoint), {})
 

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 from col3d.app.config import DataOptions, PhantomOptions, SourceOptions
 from col3d.app.stores import stored_frames
@@ -16,6 +17,29 @@ from col3d.data.simcol3d import SimCol3D
 from col3d.data.sized import Joined, Resized, SizedFrames, WithMixedTruth
 from col3d.data.splits import SPLITS, check_counts, expand, paper_split, parse_selection, video_table
 from col3d.data.transforms import Augment
+
+
+def settled(data: DataOptions, phantom: PhantomOptions) -> DataOptions:
+    """The options with roots that hold from any folder, and videos by name where wildcards stood.
+
+    Raises:
+        DataError: a wildcard matches nothing.
+    """
+    also = {name: _settled(source, phantom) for name, source in data.also.items()}
+    test = data.test and _settled(data.test, phantom)
+    return _settled(data, phantom).model_copy(update={"also": also, "test": test})
+
+
+Source = TypeVar("Source", bound=SourceOptions)
+
+
+def _settled(source: Source, phantom: PhantomOptions) -> Source:
+    parts = {part: getattr(source.split, part) for part in SPLITS}
+    if any(set("*?") & set(entry) for part in parts.values() for entry in part):
+        present = _videos_at_hand(source, phantom)
+        parts = {part: expand(entries, present) for part, entries in parts.items()}
+    root = str(Path(source.root).absolute())
+    return source.model_copy(update={"root": root, "split": source.split.model_copy(update=parts)})
 
 
 def phantom_settings(options: PhantomOptions, videos: Iterable[str] | None = None) -> PhantomSettings:
@@ -59,7 +83,6 @@ def entries_of(source: SourceOptions, phantom: PhantomOptions, part: str) -> lis
     """
     named = getattr(source.split, part)
     if source.name == "phantom":
-        named = expand(named, list(video_table()))
         videos = sorted({parse_selection(entry).video for entry in named})
         render_phantom(Path(source.root), phantom_settings(phantom, videos))
     return _at_hand(source, part, named, _videos_at_hand(source, phantom))
@@ -143,6 +166,8 @@ def data_module(
 
 def _videos_at_hand(source: SourceOptions, phantom: PhantomOptions) -> list[str]:
     """Names of the videos of the data set, or where it is not there of the store that is named."""
+    if source.name == "phantom":
+        return list(video_table())
     root, store = Path(source.root), Path(source.store)
     if not root.is_dir() and source.store not in ("auto", "none") and store.is_dir():
         return sorted(path.name for path in store.iterdir() if path.is_dir())
@@ -151,7 +176,7 @@ def _videos_at_hand(source: SourceOptions, phantom: PhantomOptions) -> list[str]
 
 def _at_hand(source: SourceOptions, part: str, named: Sequence[str], present: Sequence[str]) -> list[str]:
     """Entries of the split, without those of missing videos where that is allowed."""
-    videos = {entry: parse_selection(entry, present).video for entry in expand(named, present)}
+    videos = {entry: parse_selection(entry, present).video for entry in named}
     missing = list(dict.fromkeys(video for video in videos.values() if video not in present))
     if missing and not source.allow_missing:
         raise DataError(

@@ -8,10 +8,9 @@ from typing import Any
 from lightning import Callback, LightningModule
 from lightning.pytorch.loggers import Logger, WandbLogger
 
-from col3d.app.config import DataOptions, SourceOptions
 from col3d.app.provenance import command, commit, versions
+from col3d.app.scored import Scored
 from col3d.callbacks import ImagePanels, PerFrameTable
-from col3d.data.leakage import Shared, shared_with_training
 from col3d.data.splits import describe
 from col3d.reports.per_frame import means
 from col3d.reports.summary import print_summary, summarise, write_json
@@ -19,13 +18,13 @@ from col3d.reports.summary import print_summary, summarise, write_json
 Facts = dict[str, str | int]
 
 
-def facts_of(model: str, seed: int, data: DataOptions, part: str, protocol: str) -> Facts:
+def facts_of(model: str, seed: int, scored: Scored, protocol: str) -> Facts:
     """The columns that stand in every row of a table."""
     return {
         "model": model,
         "seed": seed,
-        "data": _scored(data, part).name,
-        "split": part,
+        "data": scored.source.name,
+        "split": scored.part,
         "protocol": protocol,
     }
 
@@ -36,7 +35,7 @@ class Results:
     Args:
         facts: what is the same for every frame; see `facts_of`.
         folder: where the files go.
-        data: the split that the part belongs to, and the size of the frames.
+        scored: the part of a split that is scored.
         frames: number of frames of each part.
         panels: how many pictures.
         average: what weighs the same in the means: frame, video or pixel.
@@ -46,18 +45,17 @@ class Results:
         self,
         facts: Facts,
         folder: Path,
-        data: DataOptions,
+        scored: Scored,
         frames: Mapping[str, int],
         panels: int,
         average: str = "frame",
     ) -> None:
         self.folder, self.facts, self.average = folder, facts, average
-        shared = {row.video: row.worst for row in _audit(data, str(facts["split"]))}
         self.context: dict[str, Any] = {
-            "split_name": _scored(data, str(facts["split"])).split.name,
-            "size": list(data.size),
+            "split_name": scored.source.split.name,
+            "size": list(scored.size),
             "frames_by_split": dict(frames),
-            "shared_with_training": shared,
+            "shared_with_training": {row.video: row.worst for row in scored.shared},
         }
         self.table = PerFrameTable(folder / "per_frame.csv", self.facts, describe)
         self.panels = ImagePanels(folder / "panels", panels)
@@ -100,33 +98,6 @@ class Results:
         ]
         lines = [str(path) for path in (*wrote, self.folder / "panels", checkpoint) if path.exists()]
         print("wrote", *lines, sep="\n  ", flush=True)
-
-
-def print_audit(data: DataOptions, part: str) -> None:
-    """Say what each video of a part shares with the videos that are trained on."""
-    scored = _scored(data, part)
-    if not _trained_alike(data, part):
-        print(f"{part} is of another data set, {scored.name}: it shares nothing with training", flush=True)
-        return
-    print(f"split {scored.split.name}: what {part} shares with training", flush=True)
-    for row in _audit(data, part):
-        videos = row.of_video or row.of_surface or row.of_phantom or row.of_texture
-        which = f" ({', '.join(videos)})" if videos else ""
-        print(f"  {row.video}: {row.worst}{which}", flush=True)
-
-
-def _audit(data: DataOptions, part: str) -> list[Shared]:
-    trained = [entry for source in _trained_alike(data, part) for entry in source.split.train]
-    return shared_with_training(trained, getattr(_scored(data, part).split, part))
-
-
-def _scored(data: DataOptions, part: str) -> SourceOptions:
-    return data.tested if part == "test" else data
-
-
-def _trained_alike(data: DataOptions, part: str) -> list[SourceOptions]:
-    """What is trained on of the data set that a part is of."""
-    return [source for source in (data, *data.also.values()) if source.name == _scored(data, part).name]
 
 
 def read_summary(folder: Path) -> dict[str, Any] | None:

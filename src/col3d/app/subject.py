@@ -6,8 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from col3d.app import build
-from col3d.app.config import DataOptions, EvaluateOptions, PhantomOptions, TrainOptions
+from col3d.app.config import DataOptions, EvaluateOptions, PhantomOptions, SourceOptions, TrainOptions
 from col3d.app.errors import check_options
+from col3d.app.frames import settled
+from col3d.app.scored import Scored
 from col3d.checks import UserError
 from col3d.models.published import load_published, read_weights
 from col3d.tasks import SupervisedTask
@@ -25,7 +27,9 @@ class Subject:
     seed: int
     max_depth: float
     data: DataOptions
+    """The data set that is scored, its size and how it is fed."""
     phantom: PhantomOptions
+    scored: Scored
 
 
 def subject_of(options: EvaluateOptions) -> Subject:
@@ -45,10 +49,19 @@ def _trained(path: Path, options: EvaluateOptions) -> Subject:
     model = trained.model.model_copy(update={"pretrained": None})
     task = build.task(trained.model_copy(update={"model": model}))
     build.fill(task, checkpoint, path)
-    other = options.data and options.data.model_copy(update={"size": trained.data.size})
-    data = _as_asked(other or trained.data, options)
     phantom = trained.phantom if options.data is None else options.phantom
-    return Subject(task, model.name, trained.seed, model.max_depth, data, phantom)
+    other = options.data and options.data.model_copy(update={"size": trained.data.size})
+    data = _as_asked(other or _of_part(trained.data, options.split), options, phantom)
+    scored = Scored(data, options.split, data.size, Scored.after(trained.data, options.split).trained)
+    return Subject(task, model.name, trained.seed, model.max_depth, data, phantom, scored)
+
+
+def _of_part(data: DataOptions, part: str) -> DataOptions:
+    """The data set that a part of a training is of, fed as the training's own."""
+    if part != "test" or data.test is None:
+        return data
+    source = {name: getattr(data.test, name) for name in SourceOptions.model_fields}
+    return data.model_copy(update={**source, "test": None, "also": {}})
 
 
 def _published(path: Path, options: EvaluateOptions) -> Subject:
@@ -60,9 +73,10 @@ def _published(path: Path, options: EvaluateOptions) -> Subject:
         network = load_published(options.published, _read(path), options.max_depth or MAX_DEPTH)
     except ValueError as error:
         raise UserError(str(error).replace("state_dict:", f"checkpoint: {path}", 1)) from None
-    data = _as_asked(options.data, options)
+    data = _as_asked(options.data, options, options.phantom)
     depth = options.max_depth or MAX_DEPTH
-    return Subject(SupervisedTask(network), options.published, 0, depth, data, options.phantom)
+    scored = Scored.after(data, options.split)
+    return Subject(SupervisedTask(network), options.published, 0, depth, data, options.phantom, scored)
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -87,6 +101,7 @@ def _trained_options(checkpoint: Mapping[str, Any], path: Path) -> TrainOptions:
         raise UserError(f"checkpoint: {path} was trained with options of another version: {error}") from None
 
 
-def _as_asked(data: DataOptions, options: EvaluateOptions) -> DataOptions:
+def _as_asked(data: DataOptions, options: EvaluateOptions, phantom: PhantomOptions) -> DataOptions:
     asked = {name: getattr(options, name) for name in ("root", "batch_size", "workers", "size")}
-    return data.model_copy(update={name: value for name, value in asked.items() if value is not None})
+    given = {name: value for name, value in asked.items() if value is not None}
+    return settled(data.model_copy(update=given), phantom)

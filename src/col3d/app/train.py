@@ -17,9 +17,10 @@ from col3d.app import build
 from col3d.app.config import TrainerOptions, TrainOptions
 from col3d.app.cost import measure_cost
 from col3d.app.errors import check_options
-from col3d.app.frames import data_module
-from col3d.app.results import Results, facts_of, print_audit
+from col3d.app.frames import data_module, settled
+from col3d.app.results import Results, facts_of
 from col3d.app.run_folder import RunFolder
+from col3d.app.scored import Scored
 from col3d.app.tracking import csv_logger, wandb_run
 from col3d.callbacks import EpochLines, FiniteLoss, SavePredictions
 from col3d.callbacks.finite_loss import DivergedError
@@ -51,7 +52,8 @@ def train(given: Mapping[str, Any]) -> float:
     quiet()
     options = check_options(TrainOptions, given)
     check_accelerator(options.trainer.accelerator)
-    options = build.with_absolute_root(options)
+    data = settled(options.data, options.phantom)
+    options = options.model_copy(update={"data": data})
     folder = RunFolder(options)
     if folder.finished is not None:
         print_summary(folder.finished)
@@ -59,13 +61,13 @@ def train(given: Mapping[str, Any]) -> float:
         return float(folder.finished["best"][WATCHED])
     seed_everything(options.seed, workers=True, verbose=False)
     truth = options.one_protocol[1].truth
-    data = data_module(options.data, options.phantom, options.seed, test_truth=truth)
+    frames = data_module(options.data, options.phantom, options.seed, test_truth=truth)
     task = build.task(options)
-    print_audit(options.data, "test")
+    Scored.after(options.data, "test").print_audit()
     folder.begin()
     with wandb_run(options, folder.path) as loggers:
         loggers.append(csv_logger(folder.path, folder.epoch))
-        return _fit_and_test(options, folder, data, task, loggers)
+        return _fit_and_test(options, folder, frames, task, loggers)
 
 
 def _fit_and_test(
@@ -84,11 +86,12 @@ def _fit_and_test(
     # Not save_last=True, which skips the epochs that are not the best so far.
     last = ModelCheckpoint(folder.path / "checkpoints", filename="last", enable_version_counter=False)
     name, protocol = options.one_protocol
-    facts = facts_of(options.model.name, options.seed, options.data, "test", name)
+    scored = Scored.after(options.data, "test")
+    facts = facts_of(options.model.name, options.seed, scored, name)
     results = Results(
         facts,
         folder.path,
-        options.data,
+        scored,
         data.lengths(),
         options.callbacks.panels,
         protocol.average,

@@ -1,0 +1,53 @@
+"""What is scored, and what of it the network has been trained on."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from col3d.app.config import DataOptions, SourceOptions
+from col3d.data.leakage import Shared, shared_with_training
+
+
+@dataclass(frozen=True)
+class Scored:
+    """A part of the split of a data set.
+
+    Attributes:
+        source: the data set.
+        part: train, val or test.
+        size: of the frames.
+        trained: all data sets that were trained on.
+    """
+
+    source: SourceOptions
+    part: str
+    size: Sequence[int]
+    trained: tuple[SourceOptions, ...]
+
+    @classmethod
+    def after(cls, data: DataOptions, part: str) -> "Scored":
+        """A part after a training on these data."""
+        source = data.tested if part == "test" else data
+        return cls(source, part, data.size, (data, *data.also.values()))
+
+    @property
+    def shared(self) -> list[Shared]:
+        """For every video, what it shares with those that were trained on; nothing of another data set."""
+        entries = [entry for source in self._alike for entry in source.split.train]
+        return shared_with_training(entries, getattr(self.source.split, self.part)) if entries else []
+
+    def print_audit(self) -> None:
+        """Say it."""
+        if not self._alike:
+            trained = " and ".join(source.name for source in self.trained)
+            print(f"{self.part} is of {self.source.name}, of which nothing was trained on ({trained} was)")
+            return
+        print(f"split {self.source.split.name}: what {self.part} shares with training", flush=True)
+        for row in self.shared:
+            videos = row.of_video or row.of_surface or row.of_phantom or row.of_texture
+            which = f" ({', '.join(videos)})" if videos else ""
+            print(f"  {row.video}: {row.worst}{which}", flush=True)
+
+    @property
+    def _alike(self) -> list[SourceOptions]:
+        """What was trained on of the same data set."""
+        return [source for source in self.trained if source.name == self.source.name]

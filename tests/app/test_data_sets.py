@@ -1,0 +1,141 @@
+"""Other data sets behind the same door: tested on, trained on besides, and how the command line says so."""
+
+import csv
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+import torch
+from test_launch import call
+from tiny_run import composed
+
+from col3d.app.config import TrainOptions
+from col3d.app.errors import check_options
+from col3d.app.evaluate import evaluate
+from col3d.app.frames import data_module
+from col3d.app.train import train
+from col3d.checks import UserError
+from col3d.data.sized import Joined
+from launch import _as_groups
+
+Compose = Callable[..., dict[str, Any]]
+
+
+@pytest.fixture
+def simcol(tmp_path: Path, look: Any) -> Path:
+    """Two videos in the format of SimCol3D."""
+    from col3d.data.simcol3d import SimCol3D
+
+    depth, _, mask = look("tube", SimCol3D.lens().rays())
+    codes = (torch.where(mask, depth, 0.0)[0, 0].numpy() / 200 * 255).round().astype(np.uint16) * 256
+    for video in ("Frames_S1", "Frames_S5"):
+        folder = tmp_path / "simcol" / "SyntheticColon_I" / video
+        folder.mkdir(parents=True)
+        for number in range(2):
+            colour = np.full((475, 475, 3), 100 + number, np.uint8)
+            cv2.imwrite(str(folder / f"Depth_{number:04d}.png"), codes)
+            cv2.imwrite(str(folder / f"FrameBuffer_{number:04d}.png"), colour)
+    return tmp_path / "simcol"
+
+
+def on_simcol(root: Path, place: str, part: str, video: str) -> list[str]:
+    option = place.replace("/", ".")
+    return [
+        f"+data/source@data.{option}=simcol3d",
+        f"data.{option}.root={root}",
+        f"data.{option}.split.{part}=[{video}]",
+    ]
+
+
+def test_trained_on_one_tested_on_another(tiny: Compose, tmp_path: Path, simcol: Path, capsys: Any) -> None:
+    train(tiny("model=bts", *on_simcol(simcol, "test", "test", "Frames_S*")))
+    assert "test is of simcol3d, of which nothing was trained on (phantom was)" in capsys.readouterr().out
+    with (tmp_path / "run" / "per_frame.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [(row["data"], row["video"], row["frame"]) for row in rows] == [
+        ("simcol3d", video, str(number)) for video in ("Frames_S1", "Frames_S5") for number in range(2)
+    ]
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert (summary["data"], summary["split_name"], summary["shared_with_training"]) == ("simcol3d",) * 2 + (
+        {},
+    )
+    checkpoint = tmp_path / "run" / "checkpoints" / "best.ckpt"
+    other = ["data=simcol3d", f"data.root={simcol}", "data.split.test=[Frames_S1]"]
+    evaluate(composed("evaluate", f"checkpoint={checkpoint}", "accelerator=cpu", *other))
+    with next(tmp_path.glob("run/evaluation_simcol3d*/per_frame.csv")).open() as file:
+        again = list(csv.DictReader(file))
+    scores = [[float(row["abs_rel"]) for row in table] for table in (again, rows[:2])]
+    assert scores[0] == pytest.approx(scores[1], rel=1e-3)
+
+
+def test_trained_on_two(tiny: Compose, tmp_path: Path, simcol: Path) -> None:
+    given = tiny(
+        "model=bts", *on_simcol(simcol, "also.sim", "train", "Frames_S5"), "data.also.sim.weight=2.5"
+    )
+    options = check_options(TrainOptions, given)
+    module = data_module(options.data, options.phantom, 0)
+    frames = module.frames["train"]
+    assert isinstance(frames, Joined)
+    assert module.lengths() == {"train": 7, "val": 2, "test": 4}
+    batches = [module.on_after_batch_transfer(batch, 0) for batch in module.train_dataloader()]
+    videos = [video for batch in batches for video in batch["video"]]
+    assert len(videos) == 5 + 5
+    assert videos.count("Frames_S5") == 5
+    train(given)
+    assert json.loads((tmp_path / "run" / "summary.json").read_text())["data"] == "phantom"
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (["data.normals=none"], r"data\.also\.sim\.normals: all that is trained on has normals or none has"),
+        (["data.also.sim.normals=stored"], r"data\.normals: simcol3d stores none; take derived or none"),
+        (["data.also.sim.split.train=[]"], r"data\.also\.sim\.split\.train: a value is needed"),
+        (["data.also.sim.weight=0"], r"data\.also\.sim\.weight: expected greater than 0, got 0"),
+        (["data.split.val=[]"], r"data\.split\.val: a value is needed"),
+    ],
+)
+def test_what_does_not_belong_together(
+    tiny: Compose, simcol: Path, overrides: list[str], message: str
+) -> None:
+    place = on_simcol(simcol, "also.sim", "train", "Frames_S5")
+    with pytest.raises(UserError, match=message):
+        check_options(TrainOptions, tiny("model=bts", *place, *overrides))
+
+
+@pytest.mark.parametrize(
+    ("argument", "expected"),
+    [
+        ("data.test=simcol3d", ["+data/source@data.test=simcol3d"]),
+        ("data.also=c3vdv2", ["+data/source@data.also.c3vdv2=c3vdv2"]),
+        (
+            "data.also=[c3vdv2,folder]",
+            ["+data/source@data.also.c3vdv2=c3vdv2", "+data/source@data.also.folder=folder"],
+        ),
+        ("data.split=custom", ["data/split=custom"]),
+        ("data.test=null", ["data.test=null"]),
+        ("data.test.root=/x", ["data.test.root=/x"]),
+        ("model=bts", ["model=bts"]),
+    ],
+)
+def test_choices_inside_data_are_said_with_dots(argument: str, expected: list[str]) -> None:
+    assert _as_groups(argument) == expected
+
+
+def test_the_command_line_takes_them(tmp_path: Path) -> None:
+    answer = call("train.py", "data.test=simcol3d", "data.also=[c3vdv2]", "--cfg", "job", cwd=tmp_path)
+    assert answer.returncode == 0
+    assert "  test:\n" in answer.stdout
+    assert "    c3vdv2:\n" in answer.stdout
+    answer = call("train.py", "data.test=simcol", cwd=tmp_path)
+    assert answer.returncode == 2
+    assert answer.stderr.startswith(
+        "error: data.test: expected one of c3vd, c3vdv2, folder, phantom, simcol3d"
+    )
+    assert answer.stderr.endswith("did you mean 'simcol3d'?\n")
+    answer = call("train.py", "data.test=simcol3d", cwd=tmp_path)
+    assert answer.stderr == "error: data.test.root: a value is needed; give data.test.root=...\n"
