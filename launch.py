@@ -16,7 +16,7 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
+from omegaconf.errors import InterpolationResolutionError, OmegaConfBaseException
 
 from col3d.checks import DataError, UserError, nearest_name
 
@@ -42,6 +42,16 @@ def by_scale(paper: Any, small: Any, *, _root_: DictConfig) -> Any:
     return paper if _root_.preset == "paper" else small
 
 
+def size_of(preset: str | None, data: str) -> Any:
+    """The size of frames at a preset; where none is named, at the one that the data set is mostly used with."""
+    path = CONF / "preset" / f"{preset or ('laptop' if data == 'phantom' else 'paper')}.yaml"
+    if not path.is_file():
+        known = sorted(path.stem for path in path.parent.glob("*.yaml"))
+        raise UserError(f"prepare.preset: expected one of {', '.join(known)}, got {preset!r}")
+    return OmegaConf.select(OmegaConf.load(path), "data.size")
+
+
+OmegaConf.register_new_resolver("size_of", size_of, replace=True)
 OmegaConf.register_new_resolver("slug", slug, replace=True)
 OmegaConf.register_new_resolver("by_scale", by_scale, replace=True)
 
@@ -150,6 +160,8 @@ def _explain(error: Exception, config_name: str) -> str:
     """Hydra's complaint about the command line as one line, with the nearest valid name."""
     if isinstance(error, OSError) and not isinstance(error, HydraException):  # some of Hydra's are both
         return f"{error.filename or 'file'}: {error.strerror or error}"
+    while isinstance(error, InterpolationResolutionError) and isinstance(error.__context__, Exception):
+        error = error.__context__  # what one of the resolvers says
     if isinstance(error, DataError | UserError):
         return str(error).rpartition("DataError: ")[2].strip()  # a loader's worker sends its traceback along
     text = " ".join(f"{error} {error.__cause__ or ''}".split())

@@ -53,6 +53,12 @@ def test_a_missing_checkpoint_is_refused(tmp_path: Path) -> None:
     assert (answer.returncode, answer.stderr.strip()) == (2, "error: checkpoint: no such file: none.ckpt")
 
 
+def test_what_a_resolver_refuses_is_one_line(tmp_path: Path) -> None:
+    answer = call("prepare.py", "prepare.preset=papr", cwd=tmp_path)
+    expected = "error: prepare.preset: expected one of laptop, paper, smoke, got 'papr'\n"
+    assert (answer.returncode, answer.stderr) == (2, expected)
+
+
 @pytest.mark.parametrize("script", ["train.py", "evaluate.py", "prepare.py"])
 def test_help_answers_without_heavy_imports(script: str, tmp_path: Path) -> None:
     answer = call(script, "--help", cwd=tmp_path)

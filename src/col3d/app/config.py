@@ -410,6 +410,7 @@ class BenchmarkFile(Options):
 class PrepareFileOptions(Options):
     """What `prepare.py` takes beside data and phantom."""
 
+    preset: str | None
     out: str | None
 
 
