@@ -43,7 +43,7 @@ def by_scale(paper: Any, small: Any, *, _root_: DictConfig) -> Any:
 
 
 def size_of(preset: str | None, data: str) -> Any:
-    """The size of frames at a preset; where none is named, at the one that the data set is mostly used with."""
+    """The size of frames at a preset; where none is named, at the one that the data set is mostly for."""
     path = CONF / "preset" / f"{preset or ('laptop' if data == 'phantom' else 'paper')}.yaml"
     if not path.is_file():
         known = sorted(path.stem for path in path.parent.glob("*.yaml"))

@@ -88,6 +88,7 @@ def decode(codes: Codes, cameras: Sequence[Camera]) -> Batch:
 
 
 @lru_cache(maxsize=16)
+@torch.inference_mode(False)  # first asked for during a validation, the rays must serve training too
 def _rays_on(camera: Camera, device: torch.device) -> Tensor:
     return camera.rays().to(device)
 
