@@ -6,9 +6,8 @@ import numpy as np
 import torch
 
 from col3d.app.config import TrainOptions
-from col3d.app.frames import full_frames
+from col3d.app.frames import full_frames, sized_frames
 from col3d.data.c3vd import C3VD
-from col3d.data.sized import Resized
 from col3d.reports.predictions import PredictionWriter, read_facts
 
 
@@ -28,8 +27,9 @@ def keep_truth(folder: Path, options: TrainOptions) -> None:
     kept = read_facts(folder)
     if kept is not None and {name: kept.get(name) for name in facts} == facts:
         return
-    frames = full_frames(data.tested, options.phantom, "test")
-    resized = Resized(frames, (data.size[0], data.size[1]))
+    resized = sized_frames(data.tested, options.phantom, "test", data.size)
+    there = Path(data.tested.root).is_dir()  # a store serves without, but knows no occlusion
+    frames = full_frames(data.tested, options.phantom, "test") if there else None
     rays = resized[0]["rays"]
     off_axis = torch.rad2deg(torch.atan2(rays[:2].norm(dim=0), rays[2]))
     writer = PredictionWriter(folder, {**facts, "off_axis": off_axis.round(decimals=2).tolist()})
