@@ -22,8 +22,8 @@ from col3d.app.results import Results, facts_of
 from col3d.app.run_folder import RunFolder
 from col3d.app.scored import Scored
 from col3d.app.tracking import csv_logger, wandb_run
-from col3d.callbacks import EpochLines, FiniteLoss, SavePredictions
-from col3d.callbacks.finite_loss import DivergedError
+from col3d.callbacks import EpochLines, FiniteCheckpoint, FiniteNumbers, SavePredictions
+from col3d.callbacks.finite_numbers import DivergedError
 from col3d.checks import UserError
 from col3d.data.datamodule import FrameDataModule
 from col3d.reports.summary import print_summary
@@ -77,7 +77,7 @@ def _fit_and_test(
     task: SupervisedTask,
     loggers: list[Logger],
 ) -> float:
-    best = ModelCheckpoint(
+    best = FiniteCheckpoint(
         folder.path / "checkpoints",
         filename="best",
         monitor=WATCHED,
@@ -98,7 +98,7 @@ def _fit_and_test(
     )
     kept = _kept_predictions(options, folder.path)
     adversarial = options.task.name == "adversarial"
-    callbacks = [best, last, *_watchers(), *results.callbacks, *kept]
+    callbacks = [best, last, *_watchers(folder.path), *results.callbacks, *kept]
     trainer = make_trainer(options.trainer, callbacks, loggers, adversarial=adversarial)
     try:
         trainer.fit(task, datamodule=data, ckpt_path=folder.cut_off, weights_only=True)
@@ -174,6 +174,6 @@ def make_trainer(
     )
 
 
-def _watchers() -> list[Callback]:
+def _watchers(folder: Path) -> list[Callback]:
     bar: list[Callback] = [RichProgressBar()] if sys.stdout.isatty() else []
-    return [FiniteLoss(), LearningRateMonitor(logging_interval="epoch"), EpochLines(), *bar]
+    return [FiniteNumbers(folder), LearningRateMonitor(logging_interval="epoch"), EpochLines(), *bar]

@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float, Int, Int16, UInt8
 from torch import Tensor
 
 from col3d.batch import Batch
-from col3d.geometry import Camera, unit
+from col3d.geometry import Camera
 
 DEPTH_STEPS, NORMAL_STEPS = 65535, 32767
 WORST_ANGLE = 0.004
@@ -71,19 +71,20 @@ def decode(codes: Codes, cameras: Sequence[Camera]) -> Batch:
         cameras: what `lens` counts, all of one size.
     """
     device, mask = codes["mask"].device, codes["mask"][:, None]
+    known = mask.float()
     scale = (codes["max_depth"] / DEPTH_STEPS)[:, None, None]
-    depth = (codes["depth"].int() & DEPTH_STEPS).float() * scale
+    depth = (codes["depth"].int() & DEPTH_STEPS).float().mul_(scale)
     rays = torch.stack([_rays_on(camera, device) for camera in cameras])
     batch: dict[str, Any] = {
-        "image": codes["image"].float() / 255,
-        "depth": torch.where(mask, depth[:, None], 0.0),
+        "image": codes["image"].float().div_(255),
+        "depth": depth[:, None].mul_(known),
         "mask": mask,
         "rays": rays[codes["lens"]],
         "video": codes["video"],
         "frame": codes["frame"],
     }
     if "normals" in codes:
-        batch["normals"] = torch.where(mask, from_octahedral(codes["normals"]), 0.0)
+        batch["normals"] = from_octahedral(codes["normals"]).mul_(known)
     return batch  # type: ignore[return-value]
 
 
@@ -105,10 +106,14 @@ def octahedral(normals: Float[Tensor, "3 h w"]) -> Int16[Tensor, "2 h w"]:
 
 def from_octahedral(codes: Int16[Tensor, "b 2 h w"]) -> Float[Tensor, "b 3 h w"]:
     """Unit vectors, float32."""
-    x, y = (codes.float() / NORMAL_STEPS).unbind(dim=1)
-    z = x.abs() + y.abs() - 1
+    x, y = codes.float().unbind(dim=1)
+    right, down = x.abs(), y.abs()
+    z = (right + down).sub_(NORMAL_STEPS)
     fold = z.clamp_min(0)
-    return unit(torch.stack([_signed(x.abs() - fold, x), _signed(y.abs() - fold, y), z], dim=1))
+    right, down = right.sub_(fold), down.sub_(fold)
+    # Never zero: right + down + |z| is NORMAL_STEPS.
+    scale = right.square().addcmul_(down, down).addcmul_(z, z).rsqrt_()
+    return torch.stack([right.copysign_(x), down.copysign_(y), z], dim=1).mul_(scale[:, None])
 
 
 def _signed(size: Tensor, like: Tensor) -> Tensor:

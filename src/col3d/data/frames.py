@@ -139,10 +139,13 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
 
     def image(self, index: int) -> np.ndarray:
         """RGB (h, w, 3) in 8 bits."""
+        return np.ascontiguousarray(self.image_bgr(index)[..., ::-1])
+
+    def image_bgr(self, index: int) -> np.ndarray:
+        """The same, blue first as it is decoded."""
         path, exact = self.frames[index].files["color"], self.kinds["color"].bits is not None
         size_hw = self.camera.size_hw
-        bgr = read_bgr(path, size_hw, np.uint8) if exact else read_colour(path, size_hw)
-        return np.ascontiguousarray(bgr[..., ::-1])
+        return read_bgr(path, size_hw, np.uint8) if exact else read_colour(path, size_hw)
 
     def truth(self, index: int, take: Take = everywhere) -> dict[str, Tensor]:
         """Depth (1, h, w) in mm, mask (1, h, w) and normals (3, h, w) where they are asked for.
@@ -161,8 +164,9 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
             depth, mask = self.depth_and_mask(frame, take)
             if self.normals == "none":
                 return {"depth": depth, "mask": mask}
-            normals = torch.where(mask, self.stored_normals(frame, take), 0.0)
-        return {"depth": depth, "normals": normals, "mask": mask & (normals != 0).any(dim=0, keepdim=True)}
+            normals = self.stored_normals(frame, take).mul_(mask)
+        known = normals.abs().amax(dim=0, keepdim=True) > 0
+        return {"depth": depth, "normals": normals, "mask": mask & known}
 
     @abstractmethod
     def depth_and_mask(self, frame: Frame, take: Take) -> tuple[Tensor, Tensor]:

@@ -55,14 +55,14 @@ class Resize:
     def read(self, frames: FrameSet, index: int) -> dict[str, Any]:
         """The resized item of a frame: its image uint8, no rays; pixels that do not count stay undecoded."""
         frame = frames.frames[index]
-        image = self._image(torch.from_numpy(frames.image(index)).permute(2, 0, 1))
+        image = self._image(torch.from_numpy(frames.image_bgr(index)).permute(2, 0, 1)).flip(0)
         truth = self._between(frames.truth(index, self.take))
         return {"image": image, **truth, "video": frame.video, "frame": frame.number}
 
     def take(self, values: np.ndarray) -> np.ndarray:
         """The pixels around new centres of an array (h, w) or (h, w, c): twice the new height and width."""
         (rows, _), (columns, _) = self._around
-        return values[rows][:, columns]
+        return values.take(rows, axis=0).take(columns, axis=1)
 
     def _image(self, image: UInt8[Tensor, "3 h w"]) -> UInt8[Tensor, "3 h2 w2"]:
         return interpolate(image[None], self.size_hw, mode="bilinear", antialias=True)[0]

@@ -65,6 +65,7 @@ class SupervisedTask(LightningModule):
         losses = _named(dict.fromkeys([*getattr(loss, "terms", ()), "total"], torch.zeros(())))
         means = {name: MeanMetric(nan_strategy="disable") for name in losses}
         self.val_losses: dict[str, MeanMetric] = nn.ModuleDict(means)  # type: ignore[assignment]
+        self.last_terms: dict[str, Tensor] = {}
         self.register_buffer("depth_seen", torch.zeros(2, dtype=torch.float64))
 
     def forward(self, batch: Batch) -> Prediction:
@@ -79,6 +80,7 @@ class SupervisedTask(LightningModule):
     def losses(self, prediction: Prediction, batch: Batch) -> dict[str, Tensor]:
         """The terms and their `total` for a training batch, logged."""
         losses: dict[str, Tensor] = self._losses(prediction, batch)
+        self.last_terms = {name: value.detach() for name, value in losses.items() if name != "total"}
         self.log_train(_named(losses), batch)
         if self.current_epoch == 0:
             seen = torch.where(batch["mask"], batch["depth"], 0.0).sum(dtype=torch.float64)

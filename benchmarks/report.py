@@ -1,0 +1,81 @@
+"""Rows of numbers with their targets, as tables and as JSON."""
+
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.timing import Spread, spread_of
+
+WIDTH = 100
+
+
+@dataclass(frozen=True)
+class Row:
+    """One measured number.
+
+    Attributes:
+        table: it stands in.
+        name: of what was measured.
+        unit: of the number.
+        spread: over the repeats.
+        at_least: what the median should reach.
+        at_most: what it should not exceed.
+    """
+
+    table: str
+    name: str
+    unit: str
+    spread: Spread
+    at_least: float | None = None
+    at_most: float | None = None
+
+    @property
+    def met(self) -> bool | None:
+        """Whether the median keeps to the target; None without one."""
+        if self.at_least is not None:
+            return self.spread.median >= self.at_least
+        return None if self.at_most is None else self.spread.median <= self.at_most
+
+    @property
+    def verdict(self) -> str:
+        """The target, and whether it is met."""
+        if self.met is None:
+            return ""
+        bound = f"at most {self.at_most:g}" if self.at_least is None else f"at least {self.at_least:g}"
+        return f"{bound}: {'met' if self.met else 'MISSED'}"
+
+
+def row(table: str, name: str, unit: str, values: Sequence[float], **target: float) -> Row:
+    """A row of repeats."""
+    return Row(table, name, unit, spread_of(values), **target)
+
+
+def show(rows: Iterable[Row]) -> None:
+    """Print the tables."""
+    console = Console(width=WIDTH)
+    for title, group in groupby(rows, key=lambda line: line.table):
+        table = Table(title=title, title_justify="left", box=None, pad_edge=False)
+        table.add_column(min_width=45)
+        for name in ("median", "min", "max"):
+            table.add_column(name, justify="right", min_width=8)
+        table.add_column("target", min_width=20)
+        for line in group:
+            numbers = [_written(value) for value in asdict(line.spread).values()]
+            table.add_row(f"{line.name}, {line.unit}", *numbers, line.verdict)
+        console.print(table, "")
+
+
+def write(path: Path, settings: dict[str, Any], rows: Iterable[Row]) -> None:
+    """Write what was measured, and how, as JSON."""
+    content = {"settings": settings, "rows": [asdict(line) | {"met": line.met} for line in rows]}
+    path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+
+
+def _written(value: float) -> str:
+    return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}"

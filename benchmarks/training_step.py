@@ -1,0 +1,64 @@
+"""What augmentation adds to a training step at preset=laptop."""
+
+from functools import partial
+
+import torch
+from hydra import initialize_config_dir
+
+from benchmarks.loading import house_batch, wait_for
+from benchmarks.timing import Work, interleaved
+from col3d.app import build
+from col3d.app.config import TrainOptions
+from col3d.app.errors import check_options
+from col3d.batch import Batch
+from col3d.data.frames import FrameSet
+from col3d.data.sized import Resized
+from col3d.data.transforms import Augment
+from launch import CONF, composed
+
+STEP = "step without augmentation"
+AUGMENTS = {
+    "augmentation as it is (rotation)": Augment(),
+    "augmentation with all on": Augment(rotation=1.0, flip=0.5, crop=0.9, jitter=0.5),
+}
+
+
+def laptop_options(*overrides: str) -> TrainOptions:
+    """What `train.py model=col3d_mtl preset=laptop` takes."""
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        given = composed("train", ["model=col3d_mtl", "preset=laptop", "output_dir=runs", *overrides])
+    return check_options(TrainOptions, given)
+
+
+def step_costs(
+    frames: FrameSet, options: TrainOptions, device: torch.device, repeats: int
+) -> dict[str, list[float]]:
+    """Milliseconds of a step, and of each augmentation of its batch, for each repeat."""
+    height, width = options.data.size
+    batch = house_batch(Resized(frames, (height, width)), options.data.batch_size, device)
+    works = {STEP: training_step(options, batch, device)}
+    for name, augment in AUGMENTS.items():
+        works[name] = partial(_augment, augment, batch, device)
+    seconds = interleaved(works, repeats)
+    return {name: [1000 * second for second in taken] for name, taken in seconds.items()}
+
+
+def training_step(options: TrainOptions, batch: Batch, device: torch.device) -> Work:
+    """Forward, losses, backward and optimiser on one batch."""
+    task = build.task(options).to(device)
+    assert task.optimizer is not None
+    assert task.loss is not None
+    network, losses, optimizer = task.network, task.loss, task.optimizer(task.network)
+
+    def step() -> None:
+        optimizer.zero_grad()
+        losses(network(batch["image"], batch["rays"]), batch, 0)["total"].backward()
+        optimizer.step()
+        wait_for(device)
+
+    return step
+
+
+def _augment(augment: Augment, batch: Batch, device: torch.device) -> None:
+    augment(batch, seed=0, epoch=0)
+    wait_for(device)

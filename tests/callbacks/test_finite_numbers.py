@@ -1,0 +1,122 @@
+"""Numbers that are not finite stop the training before they do harm, and leave the batch behind."""
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+from unittest.mock import Mock
+
+import pytest
+import torch
+from lightning import Callback, LightningModule, Trainer
+from torch import nn
+
+from col3d.callbacks import FiniteCheckpoint, FiniteNumbers
+from col3d.callbacks.finite_numbers import DivergedError
+
+
+class OneWeight(LightningModule):
+    """Its loss turns bad at the given step."""
+
+    def __init__(self, step: int, bad: float, bad_gradient: bool = False) -> None:
+        super().__init__()
+        self.step, self.bad, self.bad_gradient = step, bad, bad_gradient
+        self.weight = nn.Parameter(torch.ones(()))
+
+    def training_step(self, batch: Any, batch_idx: int) -> torch.Tensor:
+        here = batch_idx == self.step
+        self.last_terms = {"depth": torch.tensor(1.0), "normals": torch.tensor(self.bad if here else 2.0)}
+        if here and self.bad_gradient:  # the root's derivative at 0 is infinite, the root is 0
+            return (self.weight * 0).sqrt()
+        return self.weight * (self.bad if here else 1.0)
+
+    def configure_optimizers(self) -> torch.optim.Optimizer:
+        return torch.optim.SGD(self.parameters(), lr=0.1)
+
+
+@pytest.mark.parametrize("bad", [float("nan"), float("inf"), -float("inf")])
+def test_step_and_frames_are_named(bad: float) -> None:
+    callback, trainer = FiniteNumbers(), Mock(spec=Trainer, fit_loop=SimpleNamespace(total_batch_idx=41))
+    module = Mock(spec=LightningModule)
+    batch = {"video": ["cecum_t1_a", "desc_t4_a"], "frame": torch.tensor([7, 130])}
+    callback.on_train_batch_start(trainer, module, batch, 0)
+    callback.on_before_backward(trainer, module, torch.tensor(1e30))
+    with pytest.raises(DivergedError, match=r"at step 41 \(frames cecum_t1_a:7, desc_t4_a:130\)"):
+        callback.on_before_backward(trainer, module, torch.tensor(bad))
+
+
+def fit(module: LightningModule, callback: Callback) -> None:
+    batches = [{"video": ["a"], "frame": torch.tensor([k]), "image": torch.ones(2)} for k in range(4)]
+    trainer = Trainer(
+        max_epochs=1, accelerator="cpu", logger=False, enable_checkpointing=False,
+        enable_progress_bar=False, enable_model_summary=False, callbacks=[callback],
+    )  # fmt: skip
+    trainer.fit(module, torch.utils.data.DataLoader(batches, batch_size=None))  # type: ignore[arg-type]
+
+
+def test_weights_are_not_spoiled(tmp_path: Path) -> None:
+    module = OneWeight(step=2, bad=float("nan"))
+    message = r"because of loss_normals at step 2 \(frames a:2; .*bad_batch\.pt has them\)"
+    with pytest.raises(DivergedError, match=message):
+        fit(module, FiniteNumbers(tmp_path))
+    assert module.weight.item() == pytest.approx(0.8)
+    kept = torch.load(tmp_path / "bad_batch.pt", weights_only=True)
+    assert (kept["epoch"], kept["step"], kept["terms"]["depth"]) == (0, 2, 1.0)
+    assert (kept["batch"]["video"], kept["batch"]["frame"].tolist()) == (["a"], [2])
+    assert torch.equal(kept["batch"]["image"], torch.ones(2))
+    assert [path.name for path in tmp_path.iterdir()] == ["bad_batch.pt"]
+
+
+def test_a_gradient_is_refused_where_the_loss_is_fine(tmp_path: Path) -> None:
+    module = OneWeight(step=1, bad=0.0, bad_gradient=True)
+    with pytest.raises(DivergedError, match=r"the gradient of weight is not finite at step 1 \(frames a:1"):
+        fit(module, FiniteNumbers(tmp_path))
+    assert module.weight.item() == pytest.approx(0.9)
+    assert "gradient" in torch.load(tmp_path / "bad_batch.pt", weights_only=True)["reason"]
+
+
+def test_large_gradients_that_are_finite_go_on() -> None:
+    callback, module = FiniteNumbers(), OneWeight(step=9, bad=0.0)
+    module.weight.grad = torch.tensor(3e38)
+    optimizer = torch.optim.SGD([{"params": [module.weight]}], lr=0.1)
+    callback.on_before_optimizer_step(Mock(spec=Trainer, precision="32-true"), module, optimizer)
+
+
+class Epochs(LightningModule):
+    """Its monitored value is one of a list, by epoch."""
+
+    def __init__(self, values: list[float]) -> None:
+        super().__init__()
+        self.values = values
+        self.weight = nn.Parameter(torch.ones(()))
+
+    def training_step(self, batch: Any, batch_idx: int) -> torch.Tensor:
+        return self.weight * 1.0
+
+    def on_train_epoch_end(self) -> None:
+        self.log("val/abs_rel", self.values[self.current_epoch])
+
+    def configure_optimizers(self) -> torch.optim.Optimizer:
+        return torch.optim.SGD(self.parameters(), lr=0.1)
+
+
+@pytest.mark.parametrize(
+    ("values", "best"),
+    [
+        ([float("nan"), 0.5, 0.4], 0.4),
+        ([0.3, float("nan"), 0.4], 0.3),
+        ([0.3, -float("inf"), 0.2], 0.2),
+        ([float("nan"), float("inf"), float("nan")], None),
+    ],
+)
+def test_the_best_is_a_finite_one(tmp_path: Path, values: list[float], best: float | None) -> None:
+    kept = FiniteCheckpoint(tmp_path, filename="best", monitor="val/abs_rel", save_on_train_epoch_end=True)
+    trainer = Trainer(
+        max_epochs=3, accelerator="cpu", logger=False, enable_progress_bar=False,
+        enable_model_summary=False, callbacks=[kept],
+    )  # fmt: skip
+    trainer.fit(Epochs(values), torch.utils.data.DataLoader([torch.ones(1)], batch_size=None))  # type: ignore[arg-type]
+    assert (tmp_path / "best.ckpt").exists() == (best is not None)
+    if best is not None:
+        assert kept.best_model_score is not None
+        assert kept.best_model_score.item() == pytest.approx(best)
+        assert torch.load(tmp_path / "best.ckpt", weights_only=True)["epoch"] == values.index(best)
