@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-import cv2
 import torch
 from torch import Tensor
 from torch.utils.data import DataLoader, Dataset
@@ -90,13 +89,8 @@ def _plain_loader(frames: Dataset[Any], loading: Loading, collate: Any = None) -
         num_workers=loading.workers,
         persistent_workers=loading.workers > 0,
         collate_fn=collate,
-        worker_init_fn=_one_thread,
         pin_memory=torch.cuda.is_available(),
     )
-
-
-def _one_thread(worker: int) -> None:
-    cv2.setNumThreads(1)  # with more, workers wait on each other
 
 
 def _load(loader: DataLoader[Any]) -> None:

@@ -32,11 +32,14 @@ class PublishedLoader(Dataset[dict[str, Tensor]]):
         frames: whose files are read, normals among them.
         size_hw: of the items.
         degrees: largest rotation, either way.
+        chance: that a frame is mirrored, and that its colours are changed.
     """
 
-    def __init__(self, frames: FrameSet, size_hw: tuple[int, int], degrees: float = 1.0) -> None:
+    def __init__(
+        self, frames: FrameSet, size_hw: tuple[int, int], degrees: float = 1.0, chance: float = 0.5
+    ) -> None:
         self.files = [frame.files for frame in frames.frames]
-        self.size_hw, self.degrees = list(size_hw), degrees
+        self.size_hw, self.degrees, self.chance = list(size_hw), degrees, chance
 
     def __len__(self) -> int:
         return len(self.files)
@@ -61,9 +64,9 @@ class PublishedLoader(Dataset[dict[str, Tensor]]):
             "depth": np.asarray(depth, np.float32)[..., None] / MAX_CODE * MAX_DEPTH,
             "normals": turned,
         }
-        if random.random() < 0.5:
+        if random.random() < self.chance:
             maps = {name: values[:, ::-1].copy() for name, values in maps.items()}
-        if random.random() < 0.5:
+        if random.random() < self.chance:
             maps["image"] = _jittered(maps["image"])
         item = {name: torch.from_numpy(values.transpose(2, 0, 1)) for name, values in maps.items()}
         item["image"] = transform.normalize(item["image"], list(MEAN), list(STD))

@@ -11,6 +11,7 @@ from PIL.TiffImagePlugin import TiffImageFile
 from col3d.checks import DataError
 
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)  # each TIFF of C3VD has a harmless tag
+cv2.setNumThreads(0)  # a pool of threads does not survive the fork of a loader's workers
 PNG_END = b"IEND\xaeB`\x82"
 PNG_BITS_AT = 24
 

@@ -11,7 +11,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import cv2
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 POLL_SECONDS = 0.2
@@ -90,7 +89,6 @@ def _start(counter: Any) -> None:
     _frames_done = counter
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the parent, which ends its workers
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # so that they clear away what is half done
-    cv2.setNumThreads(1)
 
 
 def _counted(work: Callable[..., Any], job: Sequence[Any]) -> Any:
