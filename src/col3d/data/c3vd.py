@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 from col3d.checks import DataError, check_known
-from col3d.data.files import read_bgr, read_grey
+from col3d.data.files import read_grey, read_rgb
 from col3d.data.frames import Frame, FrameSet, Kind, Take, everywhere
 from col3d.data.octagon import octagon_mask
 from col3d.data.release import AGREEMENT, FULL_CODE, RELEASES, camera_to_world, disagreement, house_normals
@@ -114,7 +114,7 @@ class C3VD(FrameSet):
 
     def normal_codes(self, frame: Frame, take: Take = everywhere) -> np.ndarray:
         """Normals (h, w, 3) as they are stored."""
-        return take(read_bgr(frame.files["normals"], self.camera.size_hw, np.uint16))[..., ::-1]
+        return take(read_rgb(frame.files["normals"], self.camera.size_hw, np.uint16))
 
     def _release_of(self, frames: list[Frame], release: str) -> str:
         """The release that a video follows; stored normals that contradict the one asked for are refused."""

@@ -1,16 +1,19 @@
 """Reading image files, each checked by its header before training and in full when it is read."""
 
+import logging
 import warnings
 from pathlib import Path
 
 import cv2
 import numpy as np
+import tifffile
 from PIL import Image, UnidentifiedImageError
 from PIL.TiffImagePlugin import TiffImageFile
 
 from col3d.checks import DataError
 
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)  # each TIFF of C3VD has a harmless tag
+logging.getLogger("tifffile").setLevel(logging.CRITICAL)  # what it warns of, the decoder says
 cv2.setNumThreads(0)  # a pool of threads does not survive the fork of a loader's workers
 PNG_END = b"IEND\xaeB`\x82"
 PNG_BITS_AT = 24
@@ -78,9 +81,16 @@ def read_bgr(path: Path, size_hw: tuple[int, int], dtype: type[np.generic]) -> n
     return _read(path, (*size_hw, 3), dtype)
 
 
+def read_rgb(path: Path, size_hw: tuple[int, int], dtype: type[np.generic]) -> np.ndarray:
+    """The same, red first; of a TIFF without compression a view of the file, to be read only."""
+    mapped = _mapped(path, (*size_hw, 3), dtype)
+    return read_bgr(path, size_hw, dtype)[..., ::-1] if mapped is None else mapped
+
+
 def read_grey(path: Path, size_hw: tuple[int, int], dtype: type[np.generic]) -> np.ndarray:
-    """An image of one channel as (h, w); errors as in `read_bgr`."""
-    return _read(path, size_hw, dtype)
+    """An image of one channel as (h, w); views and errors as in `read_rgb`."""
+    mapped = _mapped(path, size_hw, dtype)
+    return _read(path, size_hw, dtype) if mapped is None else mapped
 
 
 def read_colour(path: Path, size_hw: tuple[int, int]) -> np.ndarray:
@@ -121,3 +131,14 @@ def _decoded(path: Path, flags: int = cv2.IMREAD_UNCHANGED) -> np.ndarray:
     if pixels is None:
         raise DataError(f"{path}: {'cannot be decoded' if path.exists() else 'no such file'}; copy it again")
     return pixels
+
+
+def _mapped(path: Path, shape: tuple[int, ...], dtype: type[np.generic]) -> np.ndarray | None:
+    """The pixels of a TIFF where they lie in the file as they are; None of any other file."""
+    if path.suffix not in (".tif", ".tiff"):
+        return None
+    try:
+        pixels = np.asarray(tifffile.memmap(path, mode="r"))
+    except (OSError, ValueError, IndexError, tifffile.TiffFileError):
+        return None  # compressed or broken, which the decoder tells apart
+    return pixels if pixels.shape == shape and pixels.dtype == dtype else None

@@ -12,7 +12,8 @@ from torch import Tensor
 from torch.nn.functional import interpolate
 
 from col3d.data.frames import FrameSet
-from col3d.geometry import Camera, unit
+from col3d.geometry import Camera
+from col3d.geometry.normals import unit_in_place
 
 WHOLE = 0.999
 """Share of valid pixels, up to rounding, from which an interpolated pixel counts as valid."""
@@ -75,7 +76,7 @@ class Resize:
         found = {"depth": torch.where(mask, depth, 0.0), "mask": mask}
         if "normals" in taken:
             between = self._read_off(taken["normals"])
-            found["normals"] = torch.where(mask, between if mixed else unit(between[None])[0], 0.0)
+            found["normals"] = (between if mixed else unit_in_place(between)).mul_(mask)
         return found
 
     def _read_off(self, values: Float[Tensor, "c h w"]) -> Float[Tensor, "c h2 w2"]:

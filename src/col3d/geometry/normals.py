@@ -22,6 +22,12 @@ def unit(vectors: Float[Tensor, "*b 3 h w"]) -> Float[Tensor, "*b 3 h w"]:
     return torch.where(zero, 0.0, vectors * torch.where(zero, 1.0, squared).rsqrt())
 
 
+def unit_in_place(vectors: Float[Tensor, "3 h w"]) -> Float[Tensor, "3 h w"]:
+    """The same for vectors without a gradient, which are overwritten: several times as fast."""
+    squared = vectors[0].square().addcmul_(vectors[1], vectors[1]).addcmul_(vectors[2], vectors[2])
+    return vectors.mul_(squared.clamp_min_(TINY).rsqrt_())
+
+
 def normals_from_depth(
     depth: Float[Tensor, "b 1 h w"],
     rays: Float[Tensor, "*b 3 h w"],
