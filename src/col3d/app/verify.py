@@ -1,0 +1,218 @@
+"""Check a whole data set without training: options -> chunks of frames -> what is wrong."""
+
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+from col3d.app.config import PhantomOptions, SourceOptions, VerifyOptions
+from col3d.app.errors import check_options
+from col3d.app.frames import frame_set
+from col3d.app.stores import remembered
+from col3d.checks import DataError, UserError
+from col3d.data.frames import Frame, FrameSet
+from col3d.data.phantom.write import read_manifest
+from col3d.data.processes import in_processes
+from col3d.data.splits import FRAMES_BEFORE_2023_05, expand, parse_selection, video_table
+from col3d.data.verify import (
+    Asked,
+    Finding,
+    FrameReport,
+    Plan,
+    VideoReport,
+    check_chunk,
+    conclude,
+    duplicates,
+    frames_to_show,
+    plan_video,
+    ranked,
+    thumbnail,
+)
+from col3d.data.verify.stores import check_store, stores_beside
+from col3d.reports.summary import write_json
+from col3d.reports.verification import Picture, print_verification, write_page
+
+INTERRUPTED, FAULTY = 130, 1
+RANKING_SHOWN = 6
+BROKEN_WIDTH, HEALTHY_WIDTH = 200, 110
+"""Pixels of one map of a frame on the page."""
+
+
+def verify(given: Mapping[str, Any]) -> None:
+    """Check every video of a data set, write verify.json and verify.html, and exit with 1 after a fault.
+
+    Raises:
+        UserError: an option breaks a rule, or there is nothing to check.
+    """
+    options = check_options(VerifyOptions, given)
+    try:
+        faults = _verify(options)
+    except KeyboardInterrupt:
+        print("stopped", flush=True)
+        sys.exit(INTERRUPTED)
+    if faults:
+        sys.exit(FAULTY)
+
+
+def _verify(options: VerifyOptions) -> int:
+    """Check, write and print; the number of faults."""
+    source, began = options.data, time.monotonic()
+    frames = frame_set(source, options.phantom, [])
+    folders = frames.video_folders(frames.root)
+    _check_phantom(source, options.phantom, folders)
+    findings = _missing(source, folders)
+    plans, skipped = _plans(source, frames, folders, options.fast)
+    reports = _reports(frames, plans, options.workers)
+    videos = {
+        name: conclude(frames, plan, reports[name], _asked(source, options.phantom, name))
+        for name, plan in plans.items()
+    }
+    every = list(chain.from_iterable(reports.values()))
+    duplicates(videos, plans, every)
+    of_videos = chain.from_iterable(video.findings for video in videos.values())
+    findings = [*findings, *skipped, *_stores(options), *of_videos]
+    facts = _facts(options, videos, every, findings)
+    facts["seconds"] = round(time.monotonic() - began, 2)
+    _write(Path(options.output), facts, _pictures(frames, frames_to_show(plans, reports, findings)))
+    return sum(finding.fault for finding in findings)
+
+
+def _missing(source: SourceOptions, present: Iterable[str]) -> list[Finding]:
+    """Videos of the split that are not there."""
+    present = list(present)
+    missing = [video for video in _named(source, present) if video not in present]
+    hint = "copy it there, or set data.allow_missing=true"
+    if source.allow_missing:
+        text = f"data.root={source.root}: left out, because data.allow_missing=true: {', '.join(missing)}"
+        return [Finding("missing", text, fault=False)] if missing else []
+    return [
+        Finding(
+            "missing",
+            f"{Path(source.root) / video}: no such video of split {source.split.name}; {hint}",
+            video,
+        )
+        for video in missing
+    ]
+
+
+def _named(source: SourceOptions, present: Sequence[str]) -> list[str]:
+    """Videos of the split, each once."""
+    parts = [*source.split.train, *source.split.val, *source.split.test]
+    entries = expand(parts, present)
+    return list(dict.fromkeys(parse_selection(e, [e.partition(":")[0]]).video for e in entries))
+
+
+def _plans(
+    source: SourceOptions, frames: FrameSet, folders: Mapping[str, Path], fast: bool
+) -> tuple[dict[str, Plan], list[Finding]]:
+    """Plans of the videos, and notes of folders that are none."""
+    plans = {video: plan_video(frames, video, folder, fast) for video, folder in folders.items()}
+    if not any(plan.frames for plan in plans.values()):
+        raise UserError(f"data.root={source.root}: no frames {frames.example} in any folder")
+    named = _named(source, list(folders))
+    empty = [video for video, plan in plans.items() if not (plan.frames or plan.findings or video in named)]
+    notes = [
+        Finding("count", f"{folders[v]}: holds no frames, not looked into", v, fault=False) for v in empty
+    ]
+    return {video: plan for video, plan in plans.items() if video not in empty}, notes
+
+
+def _reports(
+    frames: FrameSet, plans: Mapping[str, Plan], workers: int | None
+) -> dict[str, list[FrameReport]]:
+    """Every frame of every video, checked."""
+    jobs = [(frames, chunk) for plan in plans.values() for chunk in plan.chunks]
+    total = sum(len(plan.frames) for plan in plans.values())
+    reports: dict[str, list[FrameReport]] = {video: [] for video in plans}
+    for report in chain.from_iterable(in_processes(check_chunk, jobs, "verify", total, workers)):
+        reports[report.video].append(report)
+    return reports
+
+
+def _asked(source: SourceOptions, phantom: PhantomOptions, video: str) -> Asked:
+    """What a video should be: C3VD's are in the table, a phantom's in its options."""
+    row = video_table().get(video)
+    counts: dict[str, int] = {}
+    if source.name == "c3vd" and row is not None:
+        counts = {"current": row.frames, "pre_2023_05": FRAMES_BEFORE_2023_05.get(video, row.frames)}
+    elif source.name == "phantom":
+        counts = dict.fromkeys(("current", "pre_2023_05"), phantom.frames_per_video)
+    release = source.release if source.normals == "stored" else "auto"
+    has_poses = source.name in ("c3vd", "phantom") and row is not None
+    return Asked(counts, exactly=not source.allow_missing, release=release, poses=has_poses)
+
+
+def _check_phantom(source: SourceOptions, phantom: PhantomOptions, folders: Mapping[str, Path]) -> None:
+    """Refuse options that a phantom was not rendered with: every file would be called wrong."""
+    for folder in folders.values() if source.name == "phantom" else ():
+        made = (read_manifest(folder) or {}).get("settings", {})
+        size, count = (
+            made.get("size_hw", phantom.size),
+            made.get("frames_per_video", phantom.frames_per_video),
+        )
+        if (size, count) != (phantom.size, phantom.frames_per_video):
+            raise DataError(
+                f"data.root={source.root}: {folder.name} was rendered otherwise; give "
+                f"phantom.size=[{','.join(map(str, size))}] phantom.frames_per_video={count}"
+            )
+
+
+def _stores(options: VerifyOptions) -> list[Finding]:
+    """What came of the store that is named, or of those that a training would find."""
+    source, root = options.data, Path(options.data.root)
+    if source.store == "none":
+        return []
+    if source.store != "auto":
+        return check_store(Path(source.store), options.fast)
+    places = dict.fromkeys([*stores_beside(root), *remembered(root)])
+    return [found for place in places if place.is_dir() for found in check_store(place, options.fast)]
+
+
+def _facts(
+    options: VerifyOptions,
+    videos: Mapping[str, VideoReport],
+    reports: Iterable[FrameReport],
+    findings: Sequence[Finding],
+) -> dict[str, Any]:
+    """What `verify.json` says."""
+    faults = Counter(finding.video for finding in findings if finding.fault)
+    rows = [{**asdict(video), "faults": faults[name]} for name, video in videos.items()]
+    for row in rows:
+        del row["findings"]  # they stand together, below
+    angles = [report.angles for report in reports if report.angles is not None]
+    ranking = list(ranked(angles).items())[:RANKING_SHOWN] if angles else []
+    return {
+        "data": options.data.name,
+        "root": str(Path(options.data.root).absolute()),
+        "fast": options.fast,
+        "frames": sum(video.frames for video in videos.values()),
+        "in_full": sum(video.in_full for video in videos.values()),
+        "faults": faults.total(),
+        "notes": len(findings) - faults.total(),
+        "videos": rows,
+        "ranking": [
+            {"normals": str(c), "camera": c.camera, "release": c.release, "angle": a} for c, a in ranking
+        ],
+        "findings": [asdict(finding) for finding in findings],
+    }
+
+
+def _pictures(frames: FrameSet, shown: Iterable[tuple[Frame, list[str]]]) -> list[Picture]:
+    pictures = []
+    for frame, lines in shown:
+        small = thumbnail(frames, frame, BROKEN_WIDTH if lines else HEALTHY_WIDTH)
+        maps = (small.image, small.depth, small.normals)
+        pictures.append(Picture(frame.video, frame.number, lines, *maps))
+    return pictures
+
+
+def _write(folder: Path, facts: Mapping[str, Any], pictures: Sequence[Picture]) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    write_json(folder / "verify.json", facts)
+    write_page(folder / "verify.html", facts, pictures)
+    print_verification(facts)
+    print(f"written: {folder / 'verify.html'}, {folder / 'verify.json'}", flush=True)

@@ -1,0 +1,132 @@
+"""What a verification finds: of a frame, of a video, and each thing to know in a line."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float32
+
+NAN = float("nan")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing to know about the data.
+
+    Attributes:
+        rule: in a word or two, such as `pair` or `unit length`.
+        text: a line that names the file, the rule and what came.
+        video: empty where it is about the whole data set.
+        frame: None where it is about a whole video.
+        fault: something is wrong; otherwise a note.
+    """
+
+    rule: str
+    text: str
+    video: str = ""
+    frame: int | None = None
+    fault: bool = True
+
+
+@dataclass(frozen=True)
+class Reprojection:
+    """Depth of one frame against that of another, seen through their poses.
+
+    Attributes:
+        to: number of the other frame.
+        step: mm from the one camera to the other.
+        seen: share of the points that the other frame sees too.
+        median: of the absolute differences of depth in mm; NaN where the two hardly see the same.
+        tenth: the difference that a tenth of the points stays below.
+    """
+
+    to: int
+    step: float
+    seen: float
+    median: float
+    tenth: float
+
+
+@dataclass
+class FrameReport:
+    """What came of one frame; NaN where it was not looked at.
+
+    Attributes:
+        in_full: its files were decoded, not only their headers read.
+        low: least depth in mm.
+        high: largest.
+        unknown: share of the pixels whose depth does not count, by its code.
+        outside: share of the pixels with depth that lie outside the octagon.
+        digest: of the decoded picture; empty where it could not be decoded.
+        angles: median angle in degrees of the stored normals to those of the depth, by convention.
+        off_length: share of the stored normals without unit length, by encoding.
+    """
+
+    video: str
+    number: int
+    in_full: bool = False
+    low: float = NAN
+    high: float = NAN
+    unknown: float = NAN
+    outside: float = NAN
+    digest: str = ""
+    angles: Float32[np.ndarray, " c"] | None = None
+    off_length: tuple[float, ...] = ()
+    reprojection: Reprojection | None = None
+    findings: list[Finding] = field(default_factory=list)
+
+    def fault(self, rule: str, text: str) -> None:
+        """Note what is wrong with it."""
+        self.findings.append(Finding(rule, text, self.video, self.number))
+
+
+@dataclass
+class VideoReport:
+    """What came of one video: medians and means over its frames.
+
+    Attributes:
+        frames: that lie there.
+        expected: that should; None where nothing says so.
+        in_full: of those, how many were decoded.
+        size: height and width that all frames have to have.
+        release: of the data set that it follows; empty where there are none.
+        normals: which convention its stored normals follow; empty without any.
+        camera: `lens` or `pinhole`, whose normals of the depth they are.
+        angle: median angle in degrees to those.
+        ranking: the best conventions with their angles.
+        off_length: share of the normals without unit length.
+        pairs: of frames whose depth was compared.
+        poses: pose.txt is there.
+        reprojection: median over the pairs in mm.
+        duplicates: frames with the picture of another.
+    """
+
+    video: str
+    folder: str
+    size: tuple[int, int]
+    frames: int = 0
+    expected: int | None = None
+    in_full: int = 0
+    low: float = NAN
+    high: float = NAN
+    unknown: float = NAN
+    outside: float = NAN
+    release: str = ""
+    normals: str = ""
+    camera: str = ""
+    angle: float = NAN
+    ranking: list[tuple[str, float]] = field(default_factory=list)
+    off_length: float = NAN
+    poses: bool = False
+    pairs: int = 0
+    reprojection: float = NAN
+    worst_reprojection: float = NAN
+    duplicates: int = 0
+    findings: list[Finding] = field(default_factory=list)
+
+    def fault(self, rule: str, text: str, frame: int | None = None) -> None:
+        """Note what is wrong with it, or with one of its frames."""
+        self.findings.append(Finding(rule, text, self.video, frame))
+
+    def note(self, rule: str, text: str) -> None:
+        """Note what is worth knowing."""
+        self.findings.append(Finding(rule, text, self.video, fault=False))

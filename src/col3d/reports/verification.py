@@ -1,0 +1,220 @@
+"""What a verification found: a table on screen with every fault in a line, and one page with pictures."""
+
+import base64
+import io
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from PIL import Image, ImageDraw
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+
+from col3d.reports.summary import LOG_WIDTH
+
+HEADINGS = (
+    "video",
+    "frames",
+    "size",
+    "depth mm",
+    "invalid %",
+    "release",
+    "normals",
+    "deg",
+    "reproj. mm",
+    "twice",
+    "faults",
+)
+TEXTS, UNBROKEN = ("video", "release", "normals"), ("video", "normals")
+DEPTH_COLOURS = "viridis"
+GREY = 204
+GAP = 4
+MOST_LINES = 10
+"""Findings of one rule in one video that are said one by one."""
+QUALITY = 82
+
+
+@dataclass(frozen=True)
+class Picture:
+    """One frame as the page shows it; a map that there is not is None.
+
+    Attributes:
+        lines: what is wrong with it; none of a healthy one.
+        image: (h, w, 3) in 8 bits.
+        depth: (h, w) in mm, NaN where it does not count.
+        normals: (h, w, 3) in 8 bits, as stored.
+    """
+
+    video: str
+    frame: int
+    lines: Sequence[str]
+    image: np.ndarray | None
+    depth: np.ndarray | None
+    normals: np.ndarray | None
+
+    @property
+    def depth_range(self) -> str:
+        """In words."""
+        known = np.empty(0) if self.depth is None else self.depth[np.isfinite(self.depth)]
+        return f"depth {known.min():.1f} to {known.max():.1f} mm" if known.size else "no depth"
+
+
+def print_verification(facts: Mapping[str, Any], console: Console | None = None) -> None:
+    """A row for each video, the ranking of conventions, and every fault in a line.
+
+    Args:
+        facts: as `verify.json` has them.
+        console: where to; the screen when absent.
+    """
+    console = console or Console()
+    if not console.is_terminal:
+        console.width = max(console.width, LOG_WIDTH)
+    table = Table(title=_title(facts), title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    for heading in HEADINGS:
+        text, whole = heading in TEXTS, heading in UNBROKEN
+        table.add_column(heading, justify="left" if text else "right", no_wrap=whole, overflow="fold")
+    for video in facts["videos"]:
+        table.add_row(*cells(video), style="bold" if video["faults"] else None)
+    console.print(table)
+    if facts["ranking"]:
+        lines = ["best conventions of the normals:", *ranking_lines(facts), ""]
+        console.print("\n".join(lines), markup=False, highlight=False)
+    for line in finding_lines(facts["findings"]):
+        console.print(line, markup=False, highlight=False, soft_wrap=True)
+    speed = facts["frames"] / max(facts["seconds"], 1e-3)
+    console.print(
+        f"{counted(facts['faults'], 'fault')} and {counted(facts['notes'], 'note')}; "
+        f"{counted(facts['frames'], 'frame')} of {counted(len(facts['videos']), 'video')}, "
+        f"{facts['in_full']} decoded, in {facts['seconds']:.0f} s ({speed:.1f} a second)",
+        style="bold",
+        highlight=False,
+    )
+
+
+def counted(count: int, word: str) -> str:
+    """A number of things."""
+    return f"{count} {word}{'' if count == 1 else 's'}"
+
+
+def _title(facts: Mapping[str, Any]) -> str:
+    return f"{facts['data']} in {facts['root']}"
+
+
+def cells(video: Mapping[str, Any]) -> list[str]:
+    """One row of the table."""
+    expected = "" if video["expected"] is None else f"/{video['expected']}"
+    height, width = video["size"]
+    pinhole = " pinhole" if video["camera"] == "pinhole" else ""
+    return [
+        video["video"],
+        f"{video['frames']}{expected}",
+        f"{height}x{width}",
+        f"{_number(video['low'], 1)}-{_number(video['high'], 1)}" if _is_number(video["low"]) else "-",
+        _number(100 * video["unknown"] if _is_number(video["unknown"]) else None, 1),
+        video["release"] or "-",
+        f"{video['normals']}{pinhole}" if video["normals"] else "none",
+        _number(video["angle"], 2),
+        _number(video["reprojection"], 4) if video["poses"] else "no poses",
+        str(video["duplicates"]),
+        str(video["faults"]),
+    ]
+
+
+def ranking_lines(facts: Mapping[str, Any]) -> list[str]:
+    """The best conventions over all frames."""
+    return [
+        f"{row['angle']:6.2f} deg  {row['normals']} of the {row['camera']}"
+        + (f", release {row['release']}" if row["release"] else "")
+        for row in facts["ranking"]
+    ]
+
+
+def finding_lines(findings: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """Faults, then notes; of many of a kind in a video the first ones and their number."""
+
+    def kind(finding: Mapping[str, Any]) -> tuple[bool, str, str]:
+        return not finding["fault"], finding["video"], finding["rule"]
+
+    for (note, _, rule), group in groupby(sorted(findings, key=kind), kind):
+        of_it = list(group)
+        word = "note" if note else "fault"
+        yield from (f"{word}: {finding['text']}" for finding in of_it[:MOST_LINES])
+        if len(of_it) > MOST_LINES:
+            yield f"{word}: ... and {len(of_it) - MOST_LINES} more of this kind ({rule}), in verify.json"
+
+
+def write_page(path: Path, facts: Mapping[str, Any], pictures: Sequence[Picture]) -> None:
+    """Write one HTML page that needs nothing beside it.
+
+    Args:
+        path: of the page.
+        facts: as `verify.json` has them.
+        pictures: of what is wrong, and healthy ones.
+    """
+    environment = Environment(
+        loader=PackageLoader("col3d.reports"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.globals |= {"cells": cells, "strip": strip}
+    text = environment.get_template("verify.html.j2").render(
+        facts=facts,
+        title=_title(facts),
+        headings=HEADINGS,
+        texts=TEXTS,
+        lines=list(finding_lines(facts["findings"])),
+        broken=[picture for picture in pictures if picture.lines],
+        healthy=[picture for picture in pictures if not picture.lines],
+    )
+    path.write_text(text, encoding="utf-8")
+
+
+def strip(picture: Picture) -> str:
+    """Image, depth and normals side by side, as text that stands in the page itself."""
+    maps = [picture.image, None if picture.depth is None else _depth_colours(picture.depth), picture.normals]
+    size = next((values.shape[:2] for values in maps if values is not None), (80, 100))
+    tiles = [_tile(values, size) for values in maps]
+    gap = np.full((size[0], GAP, 3), 255, np.uint8)
+    whole = np.concatenate([tiles[0], gap, tiles[1], gap, tiles[2]], axis=1)
+    content = io.BytesIO()
+    Image.fromarray(whole).save(content, "JPEG", quality=QUALITY)
+    return f"data:image/jpeg;base64,{base64.b64encode(content.getvalue()).decode('ascii')}"
+
+
+def _tile(values: np.ndarray | None, size: tuple[int, ...]) -> np.ndarray:
+    """A map, or where there is none a grey one that says so; one of another shape is fitted."""
+    if values is not None and values.shape[:2] == size:
+        return values
+    if values is not None:
+        return np.asarray(Image.fromarray(values).resize((size[1], size[0])))
+    empty = Image.new("RGB", (size[1], size[0]), (GREY, GREY, GREY))
+    draw = ImageDraw.Draw(empty)
+    draw.text((size[1] / 2, size[0] / 2), "none", fill=(90, 90, 90), anchor="mm")
+    return np.asarray(empty)
+
+
+def _depth_colours(depth: np.ndarray) -> np.ndarray:
+    """Near to far over the frame's own range, grey where nothing is known."""
+    from matplotlib import colormaps
+
+    known = np.isfinite(depth)
+    low, high = (depth[known].min(), depth[known].max()) if known.any() else (0.0, 1.0)
+    scaled = (np.where(known, depth, low) - low) / max(high - low, 1e-6)
+    colours = (colormaps[DEPTH_COLOURS](scaled)[..., :3] * 255).round().astype(np.uint8)
+    return np.where(known[..., None], colours, np.uint8(GREY))
+
+
+def _is_number(value: float | None) -> bool:
+    return value is not None and math.isfinite(value)
+
+
+def _number(value: float | None, decimals: int) -> str:
+    return f"{value:.{decimals}f}" if value is not None and math.isfinite(value) else "-"
