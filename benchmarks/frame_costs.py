@@ -9,7 +9,7 @@ import torch
 
 from benchmarks.published_loader import PublishedLoader
 from benchmarks.timing import interleaved
-from col3d.data.files import read_bgr, read_grey, read_rgb
+from col3d.data.files import read_grey, read_rgb
 from col3d.data.frames import FrameSet
 from col3d.data.sized import Resized
 
@@ -23,7 +23,7 @@ def frame_costs(frames: FrameSet, size_hw: tuple[int, int], repeats: int) -> dic
     size = frames.camera.size_hw
     files = [frame.files for frame in frames.frames[:FRAMES]]
     parts: dict[str, Callable[[int], object]] = {
-        "raw, colour PNG decoded": lambda index: read_bgr(files[index]["color"], size, np.uint8),
+        "raw, colour PNG decoded": lambda index: read_rgb(files[index]["color"], size, np.uint8),
         "raw, depth TIFF decoded": lambda index: read_grey(files[index]["depth"], size, np.uint16),
         "raw, normals TIFF decoded": lambda index: read_rgb(files[index]["normals"], size, np.uint16),
         WHOLE: Resized(frames, size_hw).encoded,

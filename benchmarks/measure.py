@@ -13,13 +13,13 @@ from col3d.data.store import StoredVideo
 
 PAIRS = {
     ("store", "stand-in"): {"at_least": 50.0},
-    ("store, decoded", "stand-in"): {"at_least": 50.0},
+    ("store, decoded", "stand-in"): {},
     ("raw", "stand-in"): {"at_least": 4.0},
-    ("raw, decoded", "stand-in"): {"at_least": 4.0},
+    ("raw, decoded", "stand-in"): {},
     ("copy", "store"): {"at_most": 2.0},
     ("copy, no loader", "store"): {},
 }
-"""Speeds that are compared."""
+"""Speeds that are compared. Targets are the loaders'; codes are decoded after them, on the device of the batch."""
 SHARE = {"at_most": 15.0}
 """Percent of a training step."""
 GROWTH = {"at_most": 100.0}

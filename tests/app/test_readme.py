@@ -10,14 +10,20 @@ import pytest
 from test_launch import PROJECT, call
 from tiny_run import TINY, composed
 
-from col3d.app.config import EvaluateOptions, PrepareOptions, TrainOptions
+from col3d.app.config import EvaluateOptions, PrepareOptions, TrainOptions, VerifyOptions
 from col3d.app.errors import check_options
+from launch import _as_groups
 
 README = (PROJECT / "README.md").read_text(encoding="utf-8")
 BASH = "\n".join(re.findall(r"```bash\n(.*?)```", README, flags=re.DOTALL))
 COMMANDS = [shlex.split(line) for line in BASH.splitlines() if line.startswith("python ")]
-OPTIONS = {"train.py": TrainOptions, "evaluate.py": EvaluateOptions, "prepare.py": PrepareOptions}
-SHORT = [c for c in COMMANDS if c[1] == "train.py" and "data=c3vd" not in c]
+OPTIONS = {
+    "train.py": TrainOptions,
+    "evaluate.py": EvaluateOptions,
+    "prepare.py": PrepareOptions,
+    "verify.py": VerifyOptions,
+}
+SHORT = [c for c in COMMANDS if c[1] == "train.py" and not any(a.startswith("data=") for a in c)]
 
 
 def test_the_readme_names_targets_that_exist() -> None:
@@ -37,6 +43,7 @@ def test_every_command_composes(command: list[str]) -> None:
     if "-m" in command:
         swept = [re.sub(r"^([\w.]+)=([^\[\],]+),.*", r"\1=\2", argument) for argument in arguments]
         arguments = swept
+    arguments = [text for argument in arguments for text in _as_groups(argument)]
     given = composed(
         script.removesuffix(".py"), *arguments, *(["output_dir=x"] if script == "train.py" else [])
     )

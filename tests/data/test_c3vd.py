@@ -16,7 +16,7 @@ from torch.utils.data import default_collate
 from col3d.batch import Batch
 from col3d.checks import DataError
 from col3d.data.c3vd import C3VD
-from col3d.data.files import check_header, read_bgr, read_grey
+from col3d.data.files import check_header, read_grey, read_rgb
 from col3d.data.octagon import octagon_mask
 from col3d.data.release import camera_to_world, disagreement, house_normals
 from col3d.geometry import OmnidirectionalCamera, PinholeCamera, angle_between
@@ -315,7 +315,7 @@ def test_sixteen_bit_colour_is_named(tmp_path: Path) -> None:
     with pytest.raises(DataError, match=r"0_color\.png: expected 3 channels of 8 bits, got 3 channels of 16"):
         check_header(path, (4, 5), 3, 8)
     with pytest.raises(DataError, match=r"0_color\.png: expected uint8 of shape \(4, 5, 3\), got uint16"):
-        read_bgr(path, (4, 5), np.uint8)
+        read_rgb(path, (4, 5), np.uint8)
     with pytest.raises(DataError, match=r"0_color\.png: expected uint16 of shape \(4, 5\)"):
         read_grey(path, (4, 5), np.uint16)
 
@@ -382,7 +382,7 @@ def test_octagon_is_that_of_the_frames() -> None:
 )
 def test_real_normals_are_those_of_their_depth(folder: str, release: str, padded: str) -> None:
     path = sample() / folder / "unknown_frame"
-    codes = read_bgr(path / f"{padded}_normals.tiff", (1080, 1350), np.uint16)[..., ::-1]
+    codes = read_rgb(path / f"{padded}_normals.tiff", (1080, 1350), np.uint16)
     depth_codes = read_grey(path / f"{padded}_depth.tiff", (1080, 1350), np.uint16)
     mask = torch.from_numpy((depth_codes > 0) & (depth_codes < 65535))[None] & octagon_mask()
     depth = torch.from_numpy(depth_codes.astype(np.float32) / 65535 * 100)[None]

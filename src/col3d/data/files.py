@@ -5,6 +5,7 @@ import warnings
 from pathlib import Path
 
 import cv2
+import imagecodecs
 import numpy as np
 import tifffile
 from PIL import Image, UnidentifiedImageError
@@ -72,34 +73,30 @@ def _ends_as_png(path: Path) -> bool:
         return file.read() == PNG_END
 
 
-def read_bgr(path: Path, size_hw: tuple[int, int], dtype: type[np.generic]) -> np.ndarray:
-    """An image of three channels as (h, w, 3), blue first as OpenCV reads it.
+def read_rgb(path: Path, size_hw: tuple[int, int], dtype: type[np.generic]) -> np.ndarray:
+    """An image of three channels as (h, w, 3); of a TIFF without compression a view to read only.
 
     Raises:
         DataError: the file cannot be decoded, or has another size or type.
     """
-    return _read(path, (*size_hw, 3), dtype)
-
-
-def read_rgb(path: Path, size_hw: tuple[int, int], dtype: type[np.generic]) -> np.ndarray:
-    """The same, red first; of a TIFF without compression a view of the file, to be read only."""
+    if path.suffix == ".png":
+        return _checked(path, _decoded_png(path), (*size_hw, 3), dtype)
     mapped = _mapped(path, (*size_hw, 3), dtype)
-    return read_bgr(path, size_hw, dtype)[..., ::-1] if mapped is None else mapped
+    return _read(path, (*size_hw, 3), dtype)[..., ::-1] if mapped is None else mapped
 
 
 def read_grey(path: Path, size_hw: tuple[int, int], dtype: type[np.generic]) -> np.ndarray:
-    """An image of one channel as (h, w); views and errors as in `read_rgb`."""
-    mapped = _mapped(path, size_hw, dtype)
-    return _read(path, size_hw, dtype) if mapped is None else mapped
+    """An image of one channel as (h, w); errors as in `read_rgb`."""
+    return _read(path, size_hw, dtype)
 
 
 def read_colour(path: Path, size_hw: tuple[int, int]) -> np.ndarray:
-    """Any image as (h, w, 3) in 8 bits, blue first; what is transparent or of more bits loses that.
+    """Any image as RGB (h, w, 3) in 8 bits; what is transparent or of more bits loses that.
 
     Raises:
         DataError: the file cannot be decoded, or has another size.
     """
-    pixels = _decoded(path, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+    pixels = _decoded(path, cv2.IMREAD_COLOR_RGB | cv2.IMREAD_IGNORE_ORIENTATION)
     if pixels.shape != (*size_hw, 3):
         raise DataError(f"{path}: expected {size_hw[0]} x {size_hw[1]} pixels, got {pixels.shape[:2]}")
     return pixels
@@ -118,7 +115,10 @@ def read_any(path: Path, size_hw: tuple[int, int]) -> np.ndarray:
 
 
 def _read(path: Path, shape: tuple[int, ...], dtype: type[np.generic]) -> np.ndarray:
-    pixels = _decoded(path)
+    return _checked(path, _decoded(path), shape, dtype)
+
+
+def _checked(path: Path, pixels: np.ndarray, shape: tuple[int, ...], dtype: type[np.generic]) -> np.ndarray:
     if pixels.shape != shape or pixels.dtype != dtype:
         raise DataError(
             f"{path}: expected {np.dtype(dtype)} of shape {shape}, got {pixels.dtype} of {pixels.shape}"
@@ -126,10 +126,23 @@ def _read(path: Path, shape: tuple[int, ...], dtype: type[np.generic]) -> np.nda
     return pixels
 
 
+def _decoded_png(path: Path) -> np.ndarray:
+    """Red first; a sixth faster than OpenCV."""
+    try:
+        pixels: np.ndarray = imagecodecs.png_decode(path.read_bytes())
+    except (OSError, RuntimeError, ValueError):
+        raise _undecodable(path) from None
+    return pixels
+
+
+def _undecodable(path: Path) -> DataError:
+    return DataError(f"{path}: {'cannot be decoded' if path.exists() else 'no such file'}; copy it again")
+
+
 def _decoded(path: Path, flags: int = cv2.IMREAD_UNCHANGED) -> np.ndarray:
     pixels = cv2.imread(str(path), flags)
     if pixels is None:
-        raise DataError(f"{path}: {'cannot be decoded' if path.exists() else 'no such file'}; copy it again")
+        raise _undecodable(path)
     return pixels
 
 

@@ -13,7 +13,7 @@ from torch import Tensor
 from torch.utils.data import Dataset
 
 from col3d.checks import DataError, check_known
-from col3d.data.files import check_header, read_bgr, read_colour
+from col3d.data.files import check_header, read_colour, read_rgb
 from col3d.data.splits import Selection, parse_selection
 from col3d.geometry import Camera, normals_from_depth
 
@@ -139,13 +139,9 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
 
     def image(self, index: int) -> np.ndarray:
         """RGB (h, w, 3) in 8 bits."""
-        return np.ascontiguousarray(self.image_bgr(index)[..., ::-1])
-
-    def image_bgr(self, index: int) -> np.ndarray:
-        """The same, blue first as it is decoded."""
         path, exact = self.frames[index].files["color"], self.kinds["color"].bits is not None
         size_hw = self.camera.size_hw
-        return read_bgr(path, size_hw, np.uint8) if exact else read_colour(path, size_hw)
+        return read_rgb(path, size_hw, np.uint8) if exact else read_colour(path, size_hw)
 
     def truth(self, index: int, take: Take = everywhere) -> dict[str, Tensor]:
         """Depth (1, h, w) in mm, mask (1, h, w) and normals (3, h, w) where they are asked for.
@@ -165,8 +161,8 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
             if self.normals == "none":
                 return {"depth": depth, "mask": mask}
             normals = self.stored_normals(frame, take).mul_(mask)
-        known = normals.abs().amax(dim=0, keepdim=True) > 0
-        return {"depth": depth, "normals": normals, "mask": mask & known}
+        x, y, z = normals != 0
+        return {"depth": depth, "normals": normals, "mask": mask & (x | y | z)}
 
     @abstractmethod
     def depth_and_mask(self, frame: Frame, take: Take) -> tuple[Tensor, Tensor]:

@@ -27,9 +27,11 @@ def house_normals(codes: np.ndarray, release: str) -> Float[Tensor, "3 h w"]:
     stores x and y (up) in the same way and z (out of the scene) in 0..1 with negative values clipped to 0;
     what was clipped follows from the unit length of the normal.
     """
-    channels = cv2.split(np.ascontiguousarray(codes))
-    stored = torch.from_numpy(np.stack(channels).astype(np.float32))
-    known = (stored.amax(dim=0) > 0).float()
+    channels = cv2.split(np.ascontiguousarray(codes))  # a plane at a time is several times as fast
+    known = torch.from_numpy(np.bitwise_or.reduce(channels) > 0)
+    stored = torch.empty(3, *known.shape)
+    for plane, channel in zip(stored.numpy(), channels, strict=True):
+        plane[...] = channel
     if release == "current":
         return unit_in_place(stored.mul_(2 / FULL_CODE).sub_(1).mul_(known))
     x, up, z = stored.div_(FULL_CODE).unbind()

@@ -56,7 +56,7 @@ class Resize:
     def read(self, frames: FrameSet, index: int) -> dict[str, Any]:
         """The resized item of a frame: its image uint8, no rays; pixels that do not count stay undecoded."""
         frame = frames.frames[index]
-        image = self._image(torch.from_numpy(frames.image_bgr(index)).permute(2, 0, 1)).flip(0)
+        image = self._image(torch.from_numpy(frames.image(index)).permute(2, 0, 1))
         truth = self._between(frames.truth(index, self.take))
         return {"image": image, **truth, "video": frame.video, "frame": frame.number}
 
