@@ -19,7 +19,7 @@ PAIRS = {
     ("copy", "store"): {"at_most": 2.0},
     ("copy, no loader", "store"): {},
 }
-"""Speeds that are compared. Targets are the loaders'; codes are decoded after them, on the device of the batch."""
+"""Speeds that are compared. Loaders have targets; codes are decoded after them, on the batch's device."""
 SHARE = {"at_most": 15.0}
 """Percent of a training step."""
 GROWTH = {"at_most": 100.0}
