@@ -74,6 +74,15 @@ def test_a_training_reads_what_was_prepared(root: Path, tiny: Compose, capsys: A
     assert capsys.readouterr().out == ""
 
 
+def test_prepared_frames_of_the_phantom_are_those_of_the_files(rendered: Path, tiny: Compose) -> None:
+    stored = training_frames(tiny, rendered)
+    files = training_frames(tiny, rendered, "data.store=none")
+    assert len(stored) == len(files) == 5
+    for index in range(5):
+        for key in ("image", "depth", "normals", "mask", "rays"):
+            assert torch.equal(stored[index][key], files[index][key]), key
+
+
 def test_a_stale_store_is_noticed_and_left_aside(root: Path, tiny: Compose, capsys: Any) -> None:
     path = root / "trans_t1_a" / "0001_depth.tiff"
     os.utime(path)

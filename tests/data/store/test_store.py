@@ -3,6 +3,7 @@
 import io
 import json
 import math
+import os
 import pickle
 import subprocess
 import sys
@@ -233,6 +234,26 @@ def test_spawned_workers_open_maps_of_their_own(make: Make, tmp_path: Path) -> N
     found = [item["depth"] for item in loader]
     assert all(torch.equal(one, frames[index]["depth"]) for index, one in enumerate(found))
     assert not prepared.maps
+
+
+@pytest.mark.skipif("COL3D_C3VD_SAMPLE" not in os.environ, reason="it names no folder of real frames")
+@pytest.mark.parametrize("folder", ["sample_current", "sample_pre_2023_05"])
+def test_real_frames_are_the_same_from_a_store(folder: str, tmp_path: Path) -> None:
+    frames = C3VD(Path(os.environ["COL3D_C3VD_SAMPLE"]) / folder, ["unknown_frame"])
+    raw = Resized(frames, (320, 320))
+    recipe = Recipe("c3vd", (320, 320), "stored", 100.0, raw.cameras[0])
+    write_store(tmp_path, raw, recipe, lambda: None)
+    stored = read_video(tmp_path / "unknown_frame")
+    assert stored is not None
+    found, same, exact = stored_frames(stored)[0], raw[0], raw.resize(frames[0])
+    known = exact["mask"]
+    assert known.float().mean() > 0.85
+    for key in ("image", "depth", "normals", "mask", "rays"):
+        assert torch.equal(found[key], same[key]), key
+    assert torch.equal(found["mask"], known)
+    assert torch.equal(found["image"], exact["image"])
+    assert (found["depth"] - exact["depth"]).abs().max() < 0.0008
+    assert angle_between(found["normals"], exact["normals"])[known].max() < 0.004 + 1e-3
 
 
 READ_ALL = """
