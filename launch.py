@@ -140,6 +140,8 @@ def _as_groups(argument: str) -> list[str]:
     for name in names:
         if name not in known:
             _refuse(f"{option}: expected one of {', '.join(known)}, got {name!r}{nearest_name(name, known)}")
+    if option == "data.test" and value.startswith("["):
+        _refuse(f"data.test: expected one of {', '.join(known)}, got {value}")
     if option == "data.test":
         return [f"+data/source@data.test={value}"]
     return [f"+data/source@data.also.{name}={name}" for name in names]

@@ -17,8 +17,9 @@ from col3d.app.config import TrainOptions
 from col3d.app.errors import check_options
 from col3d.app.evaluate import evaluate
 from col3d.app.frames import data_module
+from col3d.app.prepare import prepare
 from col3d.app.train import train
-from col3d.checks import UserError
+from col3d.checks import DataError, UserError
 from col3d.data.sized import Joined
 from launch import _as_groups
 
@@ -139,3 +140,27 @@ def test_the_command_line_takes_them(tmp_path: Path) -> None:
     assert answer.stderr.endswith("did you mean 'simcol3d'?\n")
     answer = call("train.py", "data.test=simcol3d", cwd=tmp_path)
     assert answer.stderr == "error: data.test.root: a value is needed; give data.test.root=...\n"
+
+
+def test_a_weight_that_shows_no_frame_is_refused(tiny: Compose, simcol: Path) -> None:
+    given = tiny(
+        "model=bts", *on_simcol(simcol, "also.sim", "train", "Frames_S5"), "data.also.sim.weight=0.1"
+    )
+    options = check_options(TrainOptions, given)
+    with pytest.raises(
+        DataError, match=r"data\.weight: 0\.1 of the 2 frames of simcol3d .* shows none of them"
+    ):
+        data_module(options.data, options.phantom, 0)
+
+
+def test_a_store_of_another_unit_of_depth_does_not_serve(tmp_path: Path) -> None:
+    clip = tmp_path / "mine" / "clip"
+    clip.mkdir(parents=True)
+    cv2.imwrite(str(clip / "0.png"), np.full((64, 80, 3), 90, np.uint8))
+    cv2.imwrite(str(clip / "0_depth.png"), np.full((64, 80), 5000, np.uint16))
+    camera = {"model": "pinhole", "size": [64, 80], "fx": 70.0, "fy": 70.0, "cx": 39.5, "cy": 31.5}
+    (clip.parent / "camera.json").write_text(json.dumps(camera))
+    place = ["data=folder", f"data.root={clip.parent}", "data.size=[64,80]"]
+    prepare(composed("prepare", *place, "data.layout.depth_unit=0.01"))
+    with pytest.raises(UserError, match=r"clip was prepared otherwise \(decoding is .*0\.01.*, not .*0\.02"):
+        prepare(composed("prepare", *place, "data.layout.depth_unit=0.02"))

@@ -178,6 +178,26 @@ def test_killed_at_any_moment_it_ends_the_same(rendered: Path, tmp_path: Path) -
     (rendered / KNOWN).unlink()
 
 
+def test_workers_end_with_a_parent_that_was_killed(rendered: Path, tmp_path: Path) -> None:
+    store = tmp_path / "store"
+    arguments = (*PHANTOM, f"data.root={rendered}", "data.size=[64,80]", f"prepare.out={store}", "workers=2")
+    command = [sys.executable, str(PROJECT / "prepare.py"), *arguments]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, start_new_session=True)
+    deadline = time.monotonic() + 100
+    while not list(store.glob("[!.]*")) and process.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.01)
+    process.kill()
+    process.wait()
+    while time.monotonic() < deadline:
+        try:
+            os.killpg(process.pid, 0)
+        except ProcessLookupError:
+            break
+        time.sleep(0.05)
+    else:
+        pytest.fail("workers went on without their parent")
+
+
 def test_a_full_disk_ends_in_one_line(root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     written, put = [], writing._Array._put
 

@@ -343,6 +343,12 @@ def test_missing_and_unknown_folders(write_video, lens, tmp_path: Path) -> None:
         C3VD(root, ["desc_t4_a"], camera=lens)
 
 
+def test_a_name_that_is_not_utf8_is_refused(tmp_path: Path) -> None:
+    (tmp_path / os.fsdecode(b"clip\xff")).mkdir()
+    with pytest.raises(DataError, match=r"clip.*: the name of this folder is not UTF-8; rename it"):
+        C3VD(tmp_path, ["cecum_t1_a"])
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

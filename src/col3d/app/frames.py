@@ -39,7 +39,10 @@ def _settled(source: Source, phantom: PhantomOptions) -> Source:
         present = _videos_at_hand(source, phantom)
         parts = {part: expand(entries, present) for part, entries in parts.items()}
     root = str(Path(source.root).absolute())
-    return source.model_copy(update={"root": root, "split": source.split.model_copy(update=parts)})
+    store = source.store if source.store in ("auto", "none") else str(Path(source.store).absolute())
+    return source.model_copy(
+        update={"root": root, "store": store, "split": source.split.model_copy(update=parts)}
+    )
 
 
 def phantom_settings(options: PhantomOptions, videos: Iterable[str] | None = None) -> PhantomSettings:
@@ -148,6 +151,7 @@ def data_module(
         if part == "train":
             sources = [options, *options.also.values()]
             parts = [sized_frames(source, phantom, part, options.size, say) for source in sources]
+            _check_weights(sources, parts)
             weights = [(len(frames), source.weight) for frames, source in zip(parts, sources, strict=True)]
             sets[part] = Joined(parts) if options.also else parts[0]
         elif part == "test" and test_truth == "mixed":
@@ -162,6 +166,15 @@ def data_module(
         seed=seed,
         weights=weights,
     )
+
+
+def _check_weights(sources: Sequence[SourceOptions], parts: Sequence[SizedFrames]) -> None:
+    for source, frames in zip(sources, parts, strict=True):
+        if round(len(frames) * source.weight) == 0:
+            raise DataError(
+                f"data.weight: {source.weight} of the {len(frames)} frames of {source.name} in {source.root} "
+                "shows none of them; take a larger weight, or leave the data set out"
+            )
 
 
 def _videos_at_hand(source: SourceOptions, phantom: PhantomOptions) -> list[str]:

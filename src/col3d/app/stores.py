@@ -17,7 +17,7 @@ KNOWN = ".col3d_stores.json"
 def recipe_of(source: SourceOptions, frames: FrameSet, size_hw: tuple[int, int]) -> Recipe:
     """What prepared frames have to be made by."""
     camera = frames.camera.resized(size_hw)
-    return Recipe(source.name, size_hw, source.normals, frames.max_depth, camera)
+    return Recipe(source.name, size_hw, source.normals, frames.max_depth, camera, frames.decoding())
 
 
 def beside(root: str | Path, size_hw: tuple[int, int]) -> Path:
@@ -69,6 +69,8 @@ def stored_frames(
     recipe, root = recipe_of(source, frames, size_hw), Path(source.root)
     if source.store != "auto":
         store = Path(source.store)
+        if not store.is_dir():
+            raise DataError(f"data.store={store}: no such folder; run prepare.py, or take data.store=auto")
         found = _fitting(store, frames, entries, recipe, source.release)
         if isinstance(found, str):
             raise DataError(f"data.store={store}: {found}; run prepare.py again, or take data.store=auto")

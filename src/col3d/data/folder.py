@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -48,6 +49,11 @@ class FolderFrames(FrameSet):
         check_root(Path(root))
         super().__init__(root, videos, read_camera(Path(root) / camera_file), normals)
         self.releases = {}
+
+    def decoding(self) -> dict[str, Any]:
+        """Options that decide what codes in files mean."""
+        names = {name: kind.name for name, kind in self.kinds.items()}
+        return {**names, "depth_unit": self.depth_unit}
 
     def depth_and_mask(self, frame: Frame, take: Take) -> tuple[Tensor, Tensor]:
         """Depth (1, h, w) in mm, 0 where unknown, and where it is known (1, h, w)."""

@@ -2,7 +2,7 @@
 
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
@@ -109,6 +109,10 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
                 self.check(frame)
             self.frames += frames
 
+    def decoding(self) -> dict[str, Any]:
+        """Options that decide what codes in files mean, where users choose them."""
+        return {}
+
     @classmethod
     def video_folders(cls, root: Path) -> dict[str, Path]:
         """The folder of each video by its name: all folders in the root, but for hidden ones.
@@ -118,7 +122,7 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
         """
         check_root(root)
         folders = sorted(path for path in root.iterdir() if path.is_dir() and not path.name.startswith("."))
-        return {path.name: path for path in folders}
+        return named(folders)
 
     def needed(self) -> list[str]:
         """Kinds of files that are read."""
@@ -233,6 +237,21 @@ def find_frames(
                 hint = "; data.normals=derived computes them from the depth" if kind == "normals" else ""
                 raise DataError(f"{folder}: frame {number} has no {kinds[kind].named(number)}{hint}")
     return [Frame(selection.video, n, {kind: found[kind][n] for kind in needed}) for n in chosen]
+
+
+def named(folders: Iterable[Path]) -> dict[str, Path]:
+    """Folders by their names.
+
+    Raises:
+        DataError: a name is not UTF-8, so that no file of results could hold it.
+    """
+    found = {folder.name: folder for folder in folders}
+    for name in found:
+        try:
+            name.encode()
+        except UnicodeEncodeError:
+            raise DataError(f"{name!r}: the name of this folder is not UTF-8; rename it") from None
+    return found
 
 
 def check_root(root: Path) -> None:

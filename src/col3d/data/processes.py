@@ -5,6 +5,7 @@ import os
 import shutil
 import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
@@ -89,16 +90,25 @@ def _start(counter: Any) -> None:
     _frames_done = counter
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the parent, which ends its workers
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # so that they clear away what is half done
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """A worker whose parent was killed would wait for its next job for ever."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os.kill(os.getpid(), signal.SIGTERM)
 
 
 def _counted(work: Callable[..., Any], job: Sequence[Any]) -> Any:
-    return work(*job, _count)
+    try:
+        return work(*job, _count)
+    except SystemExit:  # which the pool would take for a result of the job
+        os._exit(1)
 
 
 def _count() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None and not parent.is_alive():
-        sys.exit(1)
     with _frames_done.get_lock():
         _frames_done.value += 1
 

@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from col3d.data.files import read_grey
-from col3d.data.frames import Frame, FrameSet, Kind, Take, check_root
+from col3d.data.frames import Frame, FrameSet, Kind, Take, check_root, named
 from col3d.geometry import Camera, PinholeCamera
 
 TIMES, WIDTH, NEAR_MM, NEAR_PIXELS = 3, 21, 4.0, 7.0
@@ -68,7 +68,7 @@ class SimCol3D(FrameSet):
         """The folder of each video by its own name, wherever it lies."""
         check_root(root)
         frames = (path for pattern in ("*", "*/*", "*/*/*") for path in root.glob(pattern) if path.is_dir())
-        return {path.name: path for path in sorted(frames) if next(path.glob("FrameBuffer_*.png"), None)}
+        return named(path for path in sorted(frames) if next(path.glob("FrameBuffer_*.png"), None))
 
     def without_steps(self, depth: Tensor) -> Tensor:
         """Depth (1, h, w) to derive normals from."""

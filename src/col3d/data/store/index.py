@@ -3,7 +3,7 @@
 import json
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +33,7 @@ class Recipe:
         normals: stored, derived or none.
         max_depth: millimetres of the highest code.
         camera: at that size.
+        decoding: see `FrameSet.decoding`.
     """
 
     data: str
@@ -40,6 +41,7 @@ class Recipe:
     normals: str
     max_depth: float
     camera: Camera
+    decoding: Mapping[str, Any] = field(default_factory=dict)
 
     def plain(self) -> dict[str, Any]:
         """As JSON has it."""
@@ -51,6 +53,7 @@ class Recipe:
             "normals": self.normals,
             "max_depth": self.max_depth,
             "camera": plain_from_camera(self.camera),
+            "decoding": dict(self.decoding),
         }
 
 
