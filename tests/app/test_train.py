@@ -175,7 +175,9 @@ def test_a_diverging_run_names_step_and_frames(
     tiny: Compose, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(weighted.DEPTH, "silog", lambda preds, target, mask: preds.sum() * float("nan"))
-    with pytest.raises(UserError, match=r"the loss is nan at step 0 \(frames .*optimizer\.lr"):
+    with pytest.raises(
+        UserError, match=r"the loss is nan, because of loss_depth at step 0 \(frames .*optimizer\.lr"
+    ):
         train(tiny("model=bts"))
     assert not list((tmp_path / "run").rglob("*.ckpt"))
 
