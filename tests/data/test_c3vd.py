@@ -2,21 +2,18 @@
 
 import os
 import warnings
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 import torch
-from PIL import Image
 from torch.utils.data import default_collate
 
 from col3d.batch import Batch
 from col3d.checks import DataError
 from col3d.data.c3vd import C3VD
-from col3d.data.files import check_header, read_grey, read_rgb
+from col3d.data.files import read_grey, read_rgb
 from col3d.data.octagon import octagon_mask
 from col3d.data.release import camera_to_world, disagreement, house_normals
 from col3d.geometry import OmnidirectionalCamera, PinholeCamera, angle_between
@@ -213,74 +210,7 @@ def test_no_pose_is_one_without_its_last_row() -> None:
         camera_to_world(np.ones((2, 16)))
 
 
-# bad input: every one a DataError that names the file
-
-
-def halve(path: Path) -> None:
-    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-
-
-def cut_tail(path: Path) -> None:
-    path.write_bytes(path.read_bytes()[:-5])
-
-
-def drop_pixels(path: Path) -> None:
-    """The header says more than the file holds, as after a copy that broke off."""
-    content = path.read_bytes()
-    path.write_bytes(content[:8] if path.suffix == ".tiff" else content[:40])
-
-
-def as_type(dtype: type, channels: int, size_hw: tuple[int, int] = (108, 135)) -> Callable[[Path], None]:
-    shape = size_hw if channels == 1 else (*size_hw, channels)
-    return lambda path: (None, cv2.imwrite(str(path), np.ones(shape, dtype)))[0]
-
-
-BAD: list[Any] = [
-    *(
-        (kind, damage)
-        for kind in ("color.png", "depth.tiff", "normals.tiff")
-        for damage in (
-            halve,
-            drop_pixels,
-            Path.unlink,
-            lambda path: path.write_bytes(b""),
-            lambda path: path.write_bytes(b"not an image" * 99),
-        )
-    ),
-    ("color.png", cut_tail),
-    ("color.png", as_type(np.uint8, 1)),
-    ("color.png", as_type(np.uint8, 4)),
-    ("color.png", as_type(np.uint8, 3, (135, 108))),
-    ("depth.tiff", as_type(np.uint8, 1)),
-    ("depth.tiff", as_type(np.float32, 1)),
-    ("depth.tiff", as_type(np.uint16, 3)),
-    ("depth.tiff", as_type(np.uint16, 1, (107, 135))),
-    ("normals.tiff", as_type(np.uint8, 3)),
-    ("normals.tiff", as_type(np.uint16, 1)),
-    ("normals.tiff", as_type(np.uint16, 3, (54, 67))),
-]
-
-
-@pytest.mark.parametrize(("kind", "damage"), BAD)
-def test_a_bad_file_is_named_when_the_set_is_built(
-    write_video, lens, kind: str, damage: Callable[[Path], None]
-) -> None:
-    root = write_video(numbers=range(6))
-    damage(root / "cecum_t1_a" / f"0005_{kind}")
-    with pytest.raises(DataError, match=rf"cecum_t1_a.*0005_{kind}"):
-        C3VD(root, ["cecum_t1_a"], camera=lens)
-
-
-@pytest.mark.parametrize("lost", [1, 500, 20000])
-def test_a_tiff_whose_header_is_whole_and_whose_pixels_are_not(write_video, lens, lost: int) -> None:
-    """Writers other than OpenCV put the header first, and a copy that broke off still opens."""
-    root = write_video()
-    path = root / "cecum_t1_a" / "0002_depth.tiff"
-    Image.fromarray(cv2.imread(str(path), cv2.IMREAD_UNCHANGED)).save(path)
-    assert len(C3VD(root, ["cecum_t1_a"], camera=lens)) == 3
-    path.write_bytes(path.read_bytes()[:-lost])
-    with pytest.raises(DataError, match=r"0002_depth\.tiff: the file is cut off; copy it again"):
-        C3VD(root, ["cecum_t1_a"], camera=lens)
+# bad input: every one a DataError that names the file; what a single file can be, see test_files.py
 
 
 @pytest.mark.parametrize(("kind", "needed"), [("depth.tiff", True), ("normals.tiff", False)])
@@ -292,32 +222,6 @@ def test_only_files_that_are_read_are_checked(write_video, lens, kind: str, need
             C3VD(root, ["cecum_t1_a"], normals="none", camera=lens)
     else:
         assert len(C3VD(root, ["cecum_t1_a"], normals="none", camera=lens)) == 3
-
-
-@pytest.mark.parametrize("kind", ["color.png", "depth.tiff"])
-def test_a_file_that_spoils_later_is_named_when_it_is_read(write_video, lens, kind: str) -> None:
-    root = write_video()
-    frames = C3VD(root, ["cecum_t1_a"], camera=lens)
-    path = root / "cecum_t1_a" / f"0002_{kind}"
-    content = bytearray(path.read_bytes())
-    content[len(content) // 3 : len(content) // 2] = bytes(len(content) // 2 - len(content) // 3)
-    path.write_bytes(content)
-    with pytest.raises(DataError, match=rf"0002_{kind}: cannot be decoded"):
-        frames[2]
-    path.unlink()
-    with pytest.raises(DataError, match=rf"0002_{kind}: no such file"):
-        frames[2]
-
-
-def test_sixteen_bit_colour_is_named(tmp_path: Path) -> None:
-    path = tmp_path / "0_color.png"
-    cv2.imwrite(str(path), np.ones((4, 5, 3), np.uint16))
-    with pytest.raises(DataError, match=r"0_color\.png: expected 3 channels of 8 bits, got 3 channels of 16"):
-        check_header(path, (4, 5), 3, 8)
-    with pytest.raises(DataError, match=r"0_color\.png: expected uint8 of shape \(4, 5, 3\), got uint16"):
-        read_rgb(path, (4, 5), np.uint8)
-    with pytest.raises(DataError, match=r"0_color\.png: expected uint16 of shape \(4, 5\)"):
-        read_grey(path, (4, 5), np.uint16)
 
 
 def test_two_files_of_one_frame_are_refused(write_video, lens) -> None:
@@ -347,6 +251,19 @@ def test_a_name_that_is_not_utf8_is_refused(tmp_path: Path) -> None:
     (tmp_path / os.fsdecode(b"clip\xff")).mkdir()
     with pytest.raises(DataError, match=r"clip.*: the name of this folder is not UTF-8; rename it"):
         C3VD(tmp_path, ["cecum_t1_a"])
+
+
+def test_folders_are_looked_for_once(write_video, lens, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Path] = []
+    of_root = C3VD.video_folders
+    monkeypatch.setattr(
+        C3VD, "video_folders", staticmethod(lambda root: (asked.append(root), of_root(root))[1])
+    )
+    write_video("cecum_t1_a")
+    root = write_video("trans_t4_a")
+    frames = C3VD(root, ["cecum_t1_a:0-0", "cecum_t1_a:1-2", "trans_t4_a"], camera=lens)
+    assert list(frames.folders) == ["cecum_t1_a", "trans_t4_a"]
+    assert asked == [root]
 
 
 @pytest.mark.parametrize(

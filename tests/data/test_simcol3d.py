@@ -39,6 +39,20 @@ def test_videos_are_found_below_their_scenes(root: Path) -> None:
         SimCol3D(root, ["Frames_S2"])
 
 
+def test_what_lies_in_a_video_or_too_deep_is_none(root: Path) -> None:
+    colour = (root / "SyntheticColon_I" / "Frames_S1" / "FrameBuffer_0000.png").read_bytes()
+    for folder in ("zip/SyntheticColon_III/Frames_O1", "a/b/c/Frames_O2", "SyntheticColon_I/Frames_S1/Old"):
+        (root / folder).mkdir(parents=True)
+        (root / folder / "FrameBuffer_0000.png").write_bytes(colour)
+    (root / "linked").symlink_to(root / "zip" / "SyntheticColon_III" / "Frames_O1")
+    assert SimCol3D.video_folders(root) == {
+        "Frames_S1": root / "SyntheticColon_I" / "Frames_S1",
+        "Frames_B4": root / "SyntheticColon_II" / "Frames_B4",
+        "linked": root / "linked",
+        "Frames_O1": root / "zip" / "SyntheticColon_III" / "Frames_O1",
+    }
+
+
 def test_depth_colours_and_rays(root: Path, look: Any) -> None:
     item = SimCol3D(root, ["Frames_S1"])[1]
     v, u = 100, 300

@@ -10,6 +10,7 @@ from col3d.data.splits import (
     describe,
     paper_split,
     parse_selection,
+    selection_of_any_video,
     video_table,
 )
 
@@ -70,6 +71,13 @@ def test_unknown_videos() -> None:
     with pytest.raises(DataError, match="did you mean 'my_own_video'"):
         parse_selection("my_own_vide:0-3", present=["my_own_video"])
     assert parse_selection("my_own_video:0-3", present=["my_own_video"]) == Selection("my_own_video", 0, 3)
+
+
+def test_a_video_of_any_name() -> None:
+    assert selection_of_any_video("my_own_video:0-3") == Selection("my_own_video", 0, 3)
+    assert selection_of_any_video("c1v1") == Selection("cecum_t1_a")
+    with pytest.raises(DataError, match=r"expected VIDEO or VIDEO:FIRST-LAST"):
+        selection_of_any_video("my_own_video:3")
 
 
 def test_what_a_video_shows() -> None:

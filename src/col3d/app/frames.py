@@ -97,7 +97,12 @@ def full_frames(source: SourceOptions, phantom: PhantomOptions, part: str) -> Fr
     Raises:
         DataError: a video is missing, or a file is not what it should be.
     """
-    entries = entries_of(source, phantom, part)
+    return _read_from_files(source, phantom, part, entries_of(source, phantom, part))
+
+
+def _read_from_files(
+    source: SourceOptions, phantom: PhantomOptions, part: str, entries: Sequence[str]
+) -> FrameSet:
     frames = frame_set(source, phantom, entries)
     _check_counts(source, part, entries, [frame.video for frame in frames.frames], frames.releases)
     return frames
@@ -121,7 +126,7 @@ def sized_frames(
     entries = entries_of(source, phantom, part)
     stored = stored_frames(source, frame_set(source, phantom, []), entries, size_hw, say)
     if stored is None:
-        return Resized(full_frames(source, phantom, part), size_hw)
+        return Resized(_read_from_files(source, phantom, part, entries), size_hw)
     releases = {video.video: video.release for video in stored.stored}
     _check_counts(source, part, entries, stored.videos, releases)
     return stored
@@ -184,7 +189,7 @@ def _videos_at_hand(source: SourceOptions, phantom: PhantomOptions) -> list[str]
     root, store = Path(source.root), Path(source.store)
     if not root.is_dir() and source.store not in ("auto", "none") and store.is_dir():
         return sorted(path.name for path in store.iterdir() if path.is_dir())
-    return list(frame_set(source, phantom, []).video_folders(root))
+    return list(frame_set(source, phantom, []).folders)
 
 
 def _at_hand(source: SourceOptions, part: str, named: Sequence[str], present: Sequence[str]) -> list[str]:

@@ -55,7 +55,7 @@ def _prepare(
     recipe: Recipe,
     workers: int | None,
 ) -> None:
-    counts = {video: _count(frames, video) for video in frames.video_folders(frames.root)}
+    counts = {video: len(frames.kinds["color"].find(folder)) for video, folder in frames.folders.items()}
     counts = {video: count for video, count in counts.items() if count}
     if not counts:
         raise UserError(f"data.root={source.root}: no frames {frames.example} in any folder")
@@ -95,10 +95,6 @@ def prepare_video(
     except DataError as error:
         return str(error)
     return ""
-
-
-def _count(frames: FrameSet, video: str) -> int:
-    return len(frames.kinds["color"].find(frames.video_folders(frames.root)[video]))
 
 
 def _is_prepared(store: Path, frames: FrameSet, video: str, recipe: Recipe) -> bool:

@@ -7,7 +7,7 @@ from pathlib import Path
 from col3d.app.config import SourceOptions
 from col3d.checks import DataError
 from col3d.data.frames import FrameSet
-from col3d.data.splits import parse_selection
+from col3d.data.splits import selection_of_any_video
 from col3d.data.store import Recipe, Stored, StoredVideo, read_video
 
 KNOWN = ".col3d_stores.json"
@@ -93,7 +93,7 @@ def _fitting(
     frames.frames = []
     chosen: list[tuple[StoredVideo, Sequence[int]]] = []
     for entry in entries:
-        selection = parse_selection(entry, [entry.partition(":")[0]])
+        selection = selection_of_any_video(entry)
         video = read_video(store / selection.video)
         if video is None:
             return f"{selection.video} is not prepared there"

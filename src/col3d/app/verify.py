@@ -17,7 +17,7 @@ from col3d.checks import DataError, UserError
 from col3d.data.frames import Frame, FrameSet
 from col3d.data.phantom.write import read_manifest
 from col3d.data.processes import in_processes
-from col3d.data.splits import FRAMES_BEFORE_2023_05, expand, parse_selection, video_table
+from col3d.data.splits import FRAMES_BEFORE_2023_05, expand, selection_of_any_video, video_table
 from col3d.data.verify import (
     Asked,
     Finding,
@@ -62,10 +62,9 @@ def _verify(options: VerifyOptions) -> int:
     """Check, write and print; the number of faults."""
     source, began = options.data, time.monotonic()
     frames = frame_set(source, options.phantom, [])
-    folders = frames.video_folders(frames.root)
-    _check_phantom(source, options.phantom, folders)
-    findings = _missing(source, folders)
-    plans, skipped = _plans(source, frames, folders, options.fast)
+    _check_phantom(source, options.phantom, frames.folders)
+    findings = _missing(source, frames.folders)
+    plans, skipped = _plans(source, frames, options.fast)
     reports = _reports(frames, plans, options.workers)
     videos = {
         name: conclude(frames, plan, reports[name], _asked(source, options.phantom, name))
@@ -103,13 +102,12 @@ def _named(source: SourceOptions, present: Sequence[str]) -> list[str]:
     """Videos of the split, each once."""
     parts = [*source.split.train, *source.split.val, *source.split.test]
     entries = expand(parts, present)
-    return list(dict.fromkeys(parse_selection(e, [e.partition(":")[0]]).video for e in entries))
+    return list(dict.fromkeys(selection_of_any_video(entry).video for entry in entries))
 
 
-def _plans(
-    source: SourceOptions, frames: FrameSet, folders: Mapping[str, Path], fast: bool
-) -> tuple[dict[str, Plan], list[Finding]]:
+def _plans(source: SourceOptions, frames: FrameSet, fast: bool) -> tuple[dict[str, Plan], list[Finding]]:
     """Plans of the videos, and notes of folders that are none."""
+    folders = frames.folders
     plans = {video: plan_video(frames, video, folder, fast) for video, folder in folders.items()}
     if not any(plan.frames for plan in plans.values()):
         raise UserError(f"data.root={source.root}: no frames {frames.example} in any folder")

@@ -12,11 +12,12 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from jaxtyping import Bool, Shaped
 from torch import Tensor
 
 from col3d.checks import DataError, check_known
 from col3d.data.files import read_grey, read_rgb
-from col3d.data.frames import Frame, FrameSet, Kind, Take, everywhere
+from col3d.data.frames import Depth, Frame, FrameSet, Kind, Take, everywhere
 from col3d.data.octagon import octagon_mask
 from col3d.data.release import AGREEMENT, FULL_CODE, RELEASES, camera_to_world, disagreement, house_normals
 from col3d.geometry import Camera, OmnidirectionalCamera
@@ -100,13 +101,14 @@ class C3VD(FrameSet):
         except (OSError, ValueError) as error:
             raise DataError(f"{path}: expected lines of 16 comma-separated numbers ({error})") from None
 
-    def depth_and_mask(self, frame: Frame, take: Take) -> tuple[Tensor, Tensor]:
-        """Depth (1, h, w) in mm, 0 where unknown, and where it is known (1, h, w)."""
-        codes = take(read_grey(frame.files["depth"], self.camera.size_hw, np.uint16))
-        inside = take(octagon_mask(self.camera.size_hw)[0].numpy())
-        known = torch.from_numpy((codes > 0) & (codes < FULL_CODE) & inside)[None]
-        depth = torch.from_numpy(codes.astype(np.float32))[None] * (MAX_DEPTH / FULL_CODE)
-        return torch.where(known, depth, 0.0), known
+    def decoded_depth(self, codes: Shaped[np.ndarray, "h w"]) -> Depth:
+        """Depth by its codes, of all pixels or of some, as they are stored."""
+        mm = codes.astype(np.float32) * np.float32(MAX_DEPTH / FULL_CODE)
+        return Depth(mm, (codes > 0) & (codes < FULL_CODE))
+
+    def field_of_view(self) -> Bool[Tensor, "1 h w"]:
+        """The octagon of the endoscope."""
+        return octagon_mask(self.camera.size_hw)
 
     def stored_normals(self, frame: Frame, take: Take) -> Tensor:
         """Unit normals (3, h, w) in house axes; the zero vector where none is stored."""

@@ -5,12 +5,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
-from torch import Tensor
+from jaxtyping import Shaped
 
 from col3d.checks import DataError
-from col3d.data.files import read_any
-from col3d.data.frames import Frame, FrameSet, Kind, Take, check_root
+from col3d.data.frames import Depth, FrameSet, Kind, check_root
 from col3d.geometry.camera_file import read_camera
 
 
@@ -55,9 +53,8 @@ class FolderFrames(FrameSet):
         names = {name: kind.name for name, kind in self.kinds.items()}
         return {**names, "depth_unit": self.depth_unit}
 
-    def depth_and_mask(self, frame: Frame, take: Take) -> tuple[Tensor, Tensor]:
-        """Depth (1, h, w) in mm, 0 where unknown, and where it is known (1, h, w)."""
-        values = take(read_any(frame.files["depth"], self.camera.size_hw)).astype(np.float32)
-        depth = torch.from_numpy(values)[None] * self.depth_unit
-        known = depth.isfinite() & (depth > 0) & (depth <= self.max_depth)
-        return torch.where(known, depth, 0.0), known
+    def decoded_depth(self, codes: Shaped[np.ndarray, "h w"]) -> Depth:
+        """Depth by its codes, of all pixels or of some, as they are stored."""
+        with np.errstate(over="ignore"):  # what overflows is not finite, and does not count
+            mm = codes.astype(np.float32) * np.float32(self.depth_unit)
+        return Depth(mm, np.isfinite(mm) & (mm > 0) & (mm <= self.max_depth))

@@ -4,16 +4,18 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 import torch
+from jaxtyping import Bool, Float32, Shaped
 from torch import Tensor
 from torch.utils.data import Dataset
 
 from col3d.checks import DataError, check_known
-from col3d.data.files import check_header, read_colour, read_rgb
+from col3d.data.files import check_header, read_any, read_colour, read_grey, read_rgb
 from col3d.data.splits import Selection, parse_selection
 from col3d.geometry import Camera, normals_from_depth
 
@@ -25,6 +27,15 @@ Take = Callable[[np.ndarray], np.ndarray]
 def everywhere(values: np.ndarray) -> np.ndarray:
     """Takes all pixels."""
     return values
+
+
+def _refuse(number: int, fault: str) -> None:
+    """Takes no frame that is there twice.
+
+    Raises:
+        DataError: the fault.
+    """
+    raise DataError(fault)
 
 
 @dataclass(frozen=True)
@@ -45,11 +56,15 @@ class Kind:
         """The path for a frame, padded to four digits."""
         return self.name.format(f"{number:04d}")
 
-    def find(self, folder: Path) -> dict[int, Path]:
+    def find(self, folder: Path, twice: Callable[[int, str], None] = _refuse) -> dict[int, Path]:
         """Files by frame number, whether the number in their name is padded or not.
 
+        Args:
+            folder: of the video.
+            twice: is told the number that a second file has too, and what is wrong; the first file stays.
+
         Raises:
-            DataError: two files have the same number.
+            DataError: two files have the same number, unless `twice` takes it.
         """
         place = folder / Path(self.name).parent
         before, after = (re.escape(part) for part in Path(self.name).name.split("{}"))
@@ -57,9 +72,10 @@ class Kind:
         found: dict[int, Path] = {}
         for path in sorted(place.iterdir()) if place.is_dir() else ():
             if match := pattern.fullmatch(path.name):
-                first = found.setdefault(int(match.group(1)), path)
+                number = int(match.group(1))
+                first = found.setdefault(number, path)
                 if first != path:
-                    raise DataError(f"{path}: the same frame as {first.name}; keep one of them")
+                    twice(number, f"{path}: the same frame as {first.name}; keep one of them")
         return found
 
 
@@ -70,6 +86,19 @@ class Frame:
     video: str
     number: int
     files: Mapping[str, Path] = field(hash=False)
+
+
+@dataclass(frozen=True)
+class Depth:
+    """Depth of one frame.
+
+    Attributes:
+        mm: millimetres along the optical axis; of no meaning where it is not known.
+        known: where its code counts, outside the field of view too.
+    """
+
+    mm: Float32[np.ndarray, "h w"]
+    known: Bool[np.ndarray, "h w"]
 
 
 class FrameSet(Dataset[dict[str, Any]], ABC):
@@ -124,6 +153,15 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
         folders = sorted(path for path in root.iterdir() if path.is_dir() and not path.name.startswith("."))
         return named(folders)
 
+    @cached_property
+    def folders(self) -> dict[str, Path]:
+        """The folder of each video by its name, as they lay there when they were first asked for.
+
+        Raises:
+            DataError: there is no such root.
+        """
+        return self.video_folders(self.root)
+
     def needed(self) -> list[str]:
         """Kinds of files that are read."""
         return ["color", "depth", *(["normals"] if self.normals == "stored" else [])]
@@ -168,16 +206,33 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
         x, y, z = normals != 0
         return {"depth": depth, "normals": normals, "mask": mask & (x | y | z)}
 
-    @abstractmethod
     def depth_and_mask(self, frame: Frame, take: Take) -> tuple[Tensor, Tensor]:
         """Depth (1, h, w) in mm, 0 where unknown, and where it is known (1, h, w)."""
+        path, exact = frame.files["depth"], self.kinds["depth"].bits is not None
+        size_hw, view = self.camera.size_hw, self.field_of_view()
+        codes = read_grey(path, size_hw, np.uint16) if exact else read_any(path, size_hw)
+        depth = self.decoded_depth(take(codes))
+        known = depth.known if view is None else depth.known & take(view[0].numpy())
+        mask = torch.from_numpy(known)[None]
+        return torch.where(mask, torch.from_numpy(depth.mm)[None], 0.0), mask
+
+    @abstractmethod
+    def decoded_depth(self, codes: Shaped[np.ndarray, "h w"]) -> Depth:
+        """Depth by its codes, of all pixels or of some, as they are stored."""
+
+    def field_of_view(self) -> Bool[Tensor, "1 h w"] | None:
+        """Where the endoscope shows anything; None where it does everywhere."""
+        return None
 
     def without_steps(self, depth: Tensor) -> Tensor:
         """Depth (1, h, w) to derive normals from; data sets that store it coarsely smooth its steps away."""
         return depth
 
     def stored_normals(self, frame: Frame, take: Take) -> Tensor:
-        """Unit normals (3, h, w) in house axes; the zero vector where none is stored."""
+        """Unit normals (3, h, w) in house axes; the zero vector where none is stored.
+
+        Only data sets that store normals, with `normals` among their `kinds`, implement it.
+        """
         raise NotImplementedError
 
     def find(self, entry: str) -> list[Frame]:
@@ -186,9 +241,8 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
         Raises:
             DataError: there is no such video, a frame lacks a file, or was chosen before.
         """
-        folders = self.video_folders(self.root)
-        selection = parse_selection(entry, list(folders))
-        folder = folders.get(selection.video)
+        selection = parse_selection(entry, list(self.folders))
+        folder = self.folders.get(selection.video)
         if folder is None:
             raise DataError(
                 f"{self.root / selection.video}: no such video; copy it there or leave it out of data.split"

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from col3d.data.splits import describe, parse_selection
+from col3d.data.splits import describe, selection_of_any_video
 
 
 @dataclass(frozen=True)
@@ -36,11 +36,11 @@ def shared_with_training(train: Sequence[str], test: Sequence[str]) -> list[Shar
     """For every test video, what it shares with the training videos.
 
     Args:
-        train: entries of the split, as `parse_selection` reads them.
+        train: entries of the split, as `selection_of_any_video` reads them.
         test: likewise; videos of which the table knows nothing share nothing but themselves.
     """
-    seen = list(dict.fromkeys(parse_selection(entry, [entry.partition(":")[0]]).video for entry in train))
-    tested = dict.fromkeys(parse_selection(entry, [entry.partition(":")[0]]).video for entry in test)
+    seen = list(dict.fromkeys(selection_of_any_video(entry).video for entry in train))
+    tested = dict.fromkeys(selection_of_any_video(entry).video for entry in test)
     return [_shared(video, seen) for video in tested]
 
 

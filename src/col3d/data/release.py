@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import cv2
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, UInt16
 from torch import Tensor
 from torch.nn.functional import avg_pool2d
 
@@ -28,7 +28,7 @@ def house_normals(codes: np.ndarray, release: str) -> Float[Tensor, "3 h w"]:
     what was clipped follows from the unit length of the normal.
     """
     channels = cv2.split(np.ascontiguousarray(codes))  # a plane at a time is several times as fast
-    known = torch.from_numpy(np.bitwise_or.reduce(channels) > 0)
+    known = torch.from_numpy(stored_somewhere(*channels))
     stored = torch.empty(3, *known.shape)
     for plane, channel in zip(stored.numpy(), channels, strict=True):
         plane[...] = channel
@@ -42,6 +42,24 @@ def house_normals(codes: np.ndarray, release: str) -> Float[Tensor, "3 h w"]:
     return unit_in_place(stored.mul_(known))
 
 
+def stored_somewhere(
+    red: UInt16[np.ndarray, "h w"], green: UInt16[np.ndarray, "h w"], blue: UInt16[np.ndarray, "h w"]
+) -> Bool[np.ndarray, "h w"]:
+    """Where a normal is stored: not all of its three codes are 0."""
+    found: np.ndarray = (red | green | blue) > 0  # ten times as fast as `any` over an axis of three
+    return found
+
+
+def in_blocks(camera: Camera) -> tuple[int, Camera]:
+    """Side of the blocks of pixels over which normals and depth are averaged, and the camera of their means.
+
+    What is left over at the right and the bottom is cut off.
+    """
+    block = max(1, camera.size_hw[0] // BLOCKS)
+    rows, columns = (side // block for side in camera.size_hw)
+    return block, camera.cropped(0, 0, rows * block, columns * block).resized((rows, columns))
+
+
 def disagreement(
     codes: np.ndarray, depth: Float[Tensor, "1 h w"], mask: Bool[Tensor, "1 h w"], camera: Camera
 ) -> Mapping[str, float]:
@@ -49,11 +67,9 @@ def disagreement(
 
     Both are averaged over blocks first: frames are found whose depth has steps of 0.4 mm.
     """
-    block = max(1, camera.size_hw[0] // BLOCKS)
-    rows, columns = (side // block for side in camera.size_hw)
-    rays = camera.cropped(0, 0, rows * block, columns * block).resized((rows, columns)).rays()
+    block, of_blocks = in_blocks(camera)
     whole = avg_pool2d(mask[None].float(), block) == 1
-    derived = normals_from_depth(avg_pool2d(depth[None], block), rays, whole)
+    derived = normals_from_depth(avg_pool2d(depth[None], block), of_blocks.rays(), whole)
     found = {}
     for release in RELEASES:
         stored = unit(avg_pool2d(house_normals(codes, release)[None], block))

@@ -5,16 +5,16 @@ References:
     Colonoscopy Challenge, Medical Image Analysis 2024.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import cv2
 import numpy as np
 import torch
+from jaxtyping import Shaped
 from torch import Tensor
 
-from col3d.data.files import read_grey
-from col3d.data.frames import Frame, FrameSet, Kind, Take, check_root, named
+from col3d.data.frames import Depth, FrameSet, Kind, check_root, named
 from col3d.geometry import Camera, PinholeCamera
 
 TIMES, WIDTH, NEAR_MM, NEAR_PIXELS = 3, 21, 4.0, 7.0
@@ -23,12 +23,14 @@ to 4 in the median; those of a tube to 0.4."""
 MAX_DEPTH = 200.0
 """Millimetres that the code 255 * 256 stands for, the highest that the data set uses."""
 FULL_CODE = 255 * 256
+DEEPEST = 3
+"""Levels below the root at which a video may lie."""
 
 
 class SimCol3D(FrameSet):
     """Frames of chosen videos at 475 x 475, in house units; see `FrameSet`.
 
-    A video is a folder of `FrameBuffer_NNNN.png` with `Depth_NNNN.png`, at most two levels below the root:
+    A video is a folder of `FrameBuffer_NNNN.png` with `Depth_NNNN.png`, at most three levels below the root:
     `SyntheticColon_I/Frames_S1` is the video `Frames_S1`. Depth code 0 does not count.
 
     The codes hold 8 bits of depth, steps of 0.78 mm, of which normals cannot be derived: the steps would be
@@ -67,8 +69,7 @@ class SimCol3D(FrameSet):
     def video_folders(cls, root: Path) -> dict[str, Path]:
         """The folder of each video by its own name, wherever it lies."""
         check_root(root)
-        frames = (path for pattern in ("*", "*/*", "*/*/*") for path in root.glob(pattern) if path.is_dir())
-        return named(path for path in sorted(frames) if next(path.glob("FrameBuffer_*.png"), None))
+        return named(sorted(_with_frames(root, DEEPEST)))
 
     def without_steps(self, depth: Tensor) -> Tensor:
         """Depth (1, h, w) to derive normals from."""
@@ -77,9 +78,16 @@ class SimCol3D(FrameSet):
             smooth = cv2.bilateralFilter(smooth, WIDTH, NEAR_MM, NEAR_PIXELS)
         return torch.from_numpy(smooth)[None]
 
-    def depth_and_mask(self, frame: Frame, take: Take) -> tuple[Tensor, Tensor]:
-        """Depth (1, h, w) in mm, 0 where unknown, and where it is known (1, h, w)."""
-        codes = take(read_grey(frame.files["depth"], self.camera.size_hw, np.uint16))
-        known = torch.from_numpy((codes > 0) & (codes <= FULL_CODE))[None]
-        depth = torch.from_numpy(codes.astype(np.float32))[None] * (MAX_DEPTH / FULL_CODE)
-        return torch.where(known, depth, 0.0), known
+    def decoded_depth(self, codes: Shaped[np.ndarray, "h w"]) -> Depth:
+        """Depth by its codes, of all pixels or of some, as they are stored."""
+        mm = codes.astype(np.float32) * np.float32(MAX_DEPTH / FULL_CODE)
+        return Depth(mm, (codes > 0) & (codes <= FULL_CODE))
+
+
+def _with_frames(folder: Path, levels: int) -> Iterator[Path]:
+    """Folders below one that hold frames; what else lies in such a folder is not looked at."""
+    for path in folder.glob("*/"):  # folders alone, without asking after every file
+        if next(path.glob("FrameBuffer_*.png"), None):
+            yield path
+        elif levels > 1:
+            yield from _with_frames(path, levels - 1)

@@ -20,10 +20,12 @@ class SizedFrames(Dataset[dict[str, Any]], ABC):
     Attributes:
         cameras: that saw them, at their size; `Codes.lens` counts these.
         videos: of each frame, in order.
+        releases: by video, of the data set that its files follow; empty where there is none.
     """
 
     cameras: tuple[Camera, ...]
     videos: list[str]
+    releases: dict[str, str]
 
     @abstractmethod
     def codes(self, indices: Sequence[int]) -> Codes:
@@ -45,6 +47,7 @@ class Resized(SizedFrames):
         self.frames, self.resize = frames, Resize(size_hw, frames.camera)
         self.cameras = (self.resize.resized_camera,)
         self.videos = [frame.video for frame in frames.frames]
+        self.releases = dict(frames.releases)
 
     def codes(self, indices: Sequence[int]) -> Codes:
         """Frames as a batch of codes."""
@@ -77,6 +80,7 @@ class Joined(SizedFrames):
         self.parts = tuple(parts)
         self.cameras = tuple(camera for part in parts for camera in part.cameras)
         self.videos = [video for part in parts for video in part.videos]
+        self.releases = {video: release for part in parts for video, release in part.releases.items()}
         self.places = [(n, i) for n, part in enumerate(parts) for i in range(len(part))]
 
     def codes(self, indices: Sequence[int]) -> Codes:

@@ -119,6 +119,14 @@ def parse_selection(entry: str, present: Sequence[str] = ()) -> Selection:
     return Selection(name, None if first is None else int(first), None if last is None else int(last))
 
 
+def selection_of_any_video(entry: str) -> Selection:
+    """Read an entry of a split as `parse_selection` does, whatever the name of its video.
+
+    For where no folders are at hand, or those that are say later whether the video is among them.
+    """
+    return parse_selection(entry, [entry.partition(":")[0]])
+
+
 def expand(entries: Sequence[str], present: Sequence[str]) -> list[str]:
     """Entries of a split with wildcards (`c1_*`) replaced by the videos at hand that they match, in order.
 

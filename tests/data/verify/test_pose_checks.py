@@ -10,9 +10,9 @@ import pytest
 from spheres import LENS, Check, Write, faults, pose_of, said, see, write_poses
 
 from col3d.data.c3vd import C3VD
+from col3d.data.frames import Depth
 from col3d.data.verify import Asked, FrameReport, conclude, plan_video
 from col3d.data.verify.decode import read_whole
-from col3d.data.verify.depth import Depth, depth_of
 from col3d.data.verify.findings import Reprojection
 from col3d.data.verify.poses import read_poses, reproject
 
@@ -209,7 +209,8 @@ def test_real_poses_carry_real_depth() -> None:
     poses, lines, wrong = read_poses(root / "cecum_t1_a" / "pose.txt", "cecum_t1_a")
     assert (len(poses), lines, wrong) == (276, 276, [])
     depths = [
-        depth_of(frames, read_whole(root / "cecum_t1_a" / f"{number:04d}_depth.tiff")) for number in (60, 120)
+        frames.decoded_depth(read_whole(root / "cecum_t1_a" / f"{number:04d}_depth.tiff"))
+        for number in (60, 120)
     ]
     assert reproject(*depths, (poses[60], poses[120]), frames.camera, 120).median < 0.05
     shifted = reproject(*depths, (poses[65], poses[120]), frames.camera, 120)

@@ -33,6 +33,7 @@ class Stored(SizedFrames):
             video.check()
         self.cameras: tuple[Camera, ...] = (self.stored[0].camera,)
         self.videos = [video.video for video, numbers in videos for _ in numbers]
+        self.releases = {video.video: video.release for video in self.stored}
         rows = [{number: row for row, number in enumerate(video.frames)} for video in self.stored]
         self.places = [(n, rows[n][number]) for n, (_, numbers) in enumerate(videos) for number in numbers]
         self.maps: dict[tuple[int, str], _Map] = {}

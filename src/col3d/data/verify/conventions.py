@@ -15,8 +15,8 @@ import numpy as np
 import torch
 from jaxtyping import Float, Float32
 
-from col3d.data.release import BLOCKS, FULL_CODE
-from col3d.data.verify.depth import Depth
+from col3d.data.frames import Depth
+from col3d.data.release import FULL_CODE, in_blocks, stored_somewhere
 from col3d.geometry import Camera, PinholeCamera, normals_from_depth
 
 CAMERAS = ("lens", "pinhole")
@@ -88,12 +88,12 @@ def angles_of(codes: np.ndarray, depth: Depth, camera: Camera) -> Float32[np.nda
     Returns:
         None where too little is known to tell.
     """
-    known = depth.known & stored_somewhere(codes)
+    known = depth.known & stored_somewhere(*np.moveaxis(codes, -1, 0))
     stored, mm, whole = (_blocks(values, camera) for values in (codes, np.where(known, depth.mm, 0), known))
     certain = whole == 1
     found = []
     for through in (camera, PinholeCamera.c3vd().resized(camera.size_hw)):
-        derived = _normals(mm, certain, through)
+        derived = _normals(mm, certain, in_blocks(through)[1])
         ok = np.flatnonzero(derived.any(axis=-1))
         if len(ok) < ENOUGH:
             return None
@@ -108,7 +108,7 @@ def off_lengths(codes: np.ndarray, known: np.ndarray, tolerance: float) -> tuple
     Where z is cut off to 0, the length of the other two may be anything up to 1.
     """
     few = codes[::2, ::2]
-    chosen = few[known[::2, ::2] & stored_somewhere(few)]
+    chosen = few[known[::2, ::2] & stored_somewhere(*np.moveaxis(few, -1, 0))]
     if not len(chosen):
         return ()
     values = [np.ascontiguousarray(chosen[:, channel], np.float32) / FULL_CODE for channel in range(3)]
@@ -119,11 +119,6 @@ def off_lengths(codes: np.ndarray, known: np.ndarray, tolerance: float) -> tuple
         others = total - square
         shares.append(_off(others + np.where(value > 0, np.square(value), (1 - others).clip(0)), tolerance))
     return tuple(shares)
-
-
-def stored_somewhere(codes: np.ndarray) -> np.ndarray:
-    """Where a normal is stored: not all codes are 0. (`any` over so short an axis is ten times slower.)"""
-    return (codes[..., 0] | codes[..., 1] | codes[..., 2]) > 0
 
 
 def ranked(angles: Sequence[Float[np.ndarray, " c"]]) -> Mapping[Convention, float]:
@@ -138,23 +133,16 @@ def _off(squared: np.ndarray, tolerance: float) -> float:
 
 def _blocks(values: np.ndarray, camera: Camera) -> np.ndarray:
     """Means over blocks of pixels, what is left over at the right and the bottom cut off."""
-    block, (rows, columns) = _grid(camera)
+    block, of_blocks = in_blocks(camera)
+    rows, columns = of_blocks.size_hw
     cut = np.ascontiguousarray(values[: rows * block, : columns * block], np.float32)
     return cv2.resize(cut, (columns, rows), interpolation=cv2.INTER_AREA)
 
 
-def _grid(camera: Camera) -> tuple[int, tuple[int, int]]:
-    height, width = camera.size_hw
-    block = max(1, height // BLOCKS)
-    return block, (height // block, width // block)
-
-
 def _normals(mm: np.ndarray, certain: np.ndarray, camera: Camera) -> np.ndarray:
-    """Normals of block means of depth (rows, columns, 3)."""
-    block, (rows, columns) = _grid(camera)
-    rays = camera.cropped(0, 0, rows * block, columns * block).resized((rows, columns)).rays()
+    """Normals (h, w, 3) of depth (h, w)."""
     depth, mask = (torch.from_numpy(values)[None, None] for values in (mm, certain))
-    return normals_from_depth(depth, rays, mask)[0].permute(1, 2, 0).numpy()
+    return normals_from_depth(depth, camera.rays(), mask)[0].permute(1, 2, 0).numpy()
 
 
 def _medians(stored: np.ndarray, derived: np.ndarray) -> np.ndarray:

@@ -4,14 +4,15 @@ import hashlib
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Bool
 
 from col3d.checks import DataError
 from col3d.data.c3vd import C3VD, C3VDv2
 from col3d.data.files import check_header
-from col3d.data.frames import Frame, FrameSet
+from col3d.data.frames import Depth, Frame, FrameSet
+from col3d.data.octagon import octagon_mask
 from col3d.data.verify.conventions import angles_of, off_lengths
 from col3d.data.verify.decode import read_whole
-from col3d.data.verify.depth import Depth, depth_of, share_outside
 from col3d.data.verify.findings import Finding, FrameReport
 
 MOST_OUTSIDE = 0.005
@@ -34,7 +35,7 @@ def check_frame(frames: FrameSet, frame: Frame, in_full: bool) -> tuple[FrameRep
         report.digest = hashlib.sha1(np.ascontiguousarray(color).data).hexdigest()
     if (codes := pixels.get("depth")) is None:
         return report, None
-    depth = depth_of(frames, codes)
+    depth = frames.decoded_depth(codes)
     _check_depth(frames, frame.files["depth"], depth, report)
     if (normals := pixels.get("normals")) is not None:
         _check_normals(frames, frame.files["normals"], normals, depth, report)
@@ -89,13 +90,20 @@ def _check_depth(frames: FrameSet, path: Path, depth: Depth, report: FrameReport
 
 def _check_octagon(path: Path, depth: Depth, report: FrameReport, fault: bool) -> None:
     """Of C3VDv2 no frame was at hand to measure its octagon: a note is all there can be."""
-    report.outside = share_outside(depth.known)
+    report.outside = _share_outside(depth.known)
     if report.outside > MOST_OUTSIDE:
         text = (
             f"{path}: expected depth inside the octagon alone, and {report.outside:.1%} of the pixels with "
         )
         text += f"depth lie outside (at most {MOST_OUTSIDE:.1%})"
         report.findings.append(Finding("octagon", text, report.video, report.number, fault))
+
+
+def _share_outside(known: Bool[np.ndarray, "h w"]) -> float:
+    """Share of the pixels with depth that lie outside the octagon."""
+    height, width = known.shape
+    outside = ~octagon_mask((height, width))[0].numpy()
+    return float(np.count_nonzero(known & outside)) / max(1, int(np.count_nonzero(known)))
 
 
 def _check_normals(

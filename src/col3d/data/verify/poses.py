@@ -7,8 +7,8 @@ import numpy as np
 import torch
 from jaxtyping import Float64
 
+from col3d.data.frames import Depth
 from col3d.data.release import camera_to_world
-from col3d.data.verify.depth import Depth
 from col3d.data.verify.findings import NAN, Finding, Reprojection
 from col3d.geometry import Camera
 

@@ -8,7 +8,6 @@ from jaxtyping import Float32, UInt8
 
 from col3d.data.frames import Frame, FrameSet
 from col3d.data.verify.decode import read_in_part
-from col3d.data.verify.depth import depth_of
 
 
 @dataclass(frozen=True)
@@ -52,7 +51,7 @@ def _colours(pixels: np.ndarray) -> np.ndarray:
 
 
 def _shown(frames: FrameSet, codes: np.ndarray) -> np.ndarray:
-    depth = depth_of(frames, codes)
+    depth = frames.decoded_depth(codes)
     return np.where(depth.known, depth.mm, np.float32("nan"))
 
 

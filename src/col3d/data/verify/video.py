@@ -6,8 +6,7 @@ from pathlib import Path
 
 import torch
 
-from col3d.data.frames import Frame, FrameSet
-from col3d.data.verify.depth import Depth
+from col3d.data.frames import Depth, Frame, FrameSet
 from col3d.data.verify.findings import Finding, FrameReport
 from col3d.data.verify.frame import check_frame, read_depth
 from col3d.data.verify.listing import list_frames
