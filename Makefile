@@ -1,5 +1,5 @@
 .DEFAULT_GOAL := help
-.PHONY: help setup phantom train benchmark speed test lint format clean
+.PHONY: help setup phantom train benchmark speed test test-slurm lint format clean
 
 PYTHON ?= python3
 BIN := .venv/bin
@@ -10,7 +10,7 @@ DATA ?= phantom
 ROOT ?=
 
 help:  ## List the targets
-	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-9s %s\n", $$1, $$2}'
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
 
 $(READY): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(None if v >= (3, 11) else f"col3d needs Python 3.11 or newer, but $(PYTHON) is {v[0]}.{v[1]}; say make PYTHON=python3.12")'
@@ -34,6 +34,9 @@ speed: $(READY)  ## Time the data side beside a published loader and a bare copy
 
 test: $(READY) lint  ## Run all tests, linters and type checks
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 $(ARGS)
+
+test-slurm: $(READY)  ## Run sweeps on a SLURM of this machine (root; apt-get install slurm-wlm munge; 8 minutes)
+	$(BIN)/python tests/slurm/trial.py
 
 lint: $(READY)  ## Check style, types and the layers of the package
 	$(BIN)/ruff check .

@@ -5,7 +5,7 @@ from typing import Any
 from launch import launch
 
 
-def run(given: dict[str, Any]) -> float:
+def run(given: dict[str, Any]) -> float | tuple[float, ...]:
     """Train; imports wait until the options are composed, so that --help and --cfg answer at once."""
     from col3d.app.train import train
 

@@ -14,7 +14,8 @@ from col3d.batch import Batch
 from col3d.data.frames import FrameSet
 from col3d.data.sized import Resized
 from col3d.data.transforms import Augment
-from launch import CONF, composed
+from launch import composed
+from launch.files import CONF
 
 STEP = "step without augmentation"
 AUGMENTS = {

@@ -12,6 +12,10 @@ class UserError(Exception):
     """Something that the caller has to change; the text is all there is to show."""
 
 
+class TakenError(UserError):
+    """Another process is at this job already."""
+
+
 def nearest_name(name: str, known: Iterable[str]) -> str:
     """A hint such as `; did you mean 'bts'?`, or nothing where no known name is close."""
     close = difflib.get_close_matches(name, list(known), n=1, cutoff=0.5)

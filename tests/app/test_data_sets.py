@@ -16,12 +16,12 @@ from tiny_run import composed
 from col3d.app.config import TrainOptions
 from col3d.app.errors import check_options
 from col3d.app.evaluate import evaluate
-from col3d.app.frames import data_module
+from col3d.app.frames import data_module, full_frames, sized_frames
 from col3d.app.prepare import prepare
 from col3d.app.train import train
 from col3d.checks import DataError, UserError
 from col3d.data.sized import Joined
-from launch import _as_groups
+from launch.choices import as_groups
 
 Compose = Callable[..., dict[str, Any]]
 
@@ -124,7 +124,7 @@ def test_what_does_not_belong_together(
     ],
 )
 def test_choices_inside_data_are_said_with_dots(argument: str, expected: list[str]) -> None:
-    assert _as_groups(argument) == expected
+    assert as_groups(argument) == expected
 
 
 def test_the_command_line_takes_them(tmp_path: Path) -> None:
@@ -151,6 +151,19 @@ def test_a_weight_that_shows_no_frame_is_refused(tiny: Compose, simcol: Path) ->
         DataError, match=r"data\.weight: 0\.1 of the 2 frames of simcol3d .* shows none of them"
     ):
         data_module(options.data, options.phantom, 0)
+
+
+@pytest.mark.parametrize("whole", [False, True])
+def test_what_is_left_out_is_said_once(tiny: Compose, simcol: Path, whole: bool, capsys: Any) -> None:
+    place = on_simcol(simcol, "test", "test", "'Frames_S1:0-0',cecum_t1_a")
+    options = check_options(TrainOptions, tiny("model=bts", *place, "data.test.allow_missing=true"))
+    source = options.data.tested
+    if whole:
+        frames = full_frames(source, options.phantom, "test")
+    else:
+        frames = sized_frames(source, options.phantom, "test", options.data.size)
+    assert len(frames) == 1
+    assert capsys.readouterr().out == "note: left out, because data.allow_missing=true: cecum_t1_a\n"
 
 
 def test_a_store_of_another_unit_of_depth_does_not_serve(tmp_path: Path) -> None:

@@ -14,7 +14,6 @@ from test_launch import call
 from tiny_run import TINY, composed, real_frames
 
 from col3d.app.evaluate import evaluate
-from col3d.app.tracking import csv_logger
 from col3d.app.train import train
 from col3d.callbacks import EpochLines
 from col3d.checks import DataError, UserError
@@ -232,19 +231,6 @@ def test_the_last_checkpoint_is_of_the_last_epoch_whichever_was_best(tiny: Compo
     }
     assert epochs["last"] == 2
     assert epochs["best"] < 2
-
-
-@pytest.mark.filterwarnings("ignore:Experiment logs directory")
-def test_rows_after_the_checkpoint_are_logged_again(tmp_path: Path) -> None:
-    lines = ["epoch,step,train/loss,val/loss", *(f"{e},{2 * e + 1},{e}.5,0.5" for e in range(4))]
-    (tmp_path / "metrics.csv").write_text("\n".join(lines) + "\n")
-    logger = csv_logger(tmp_path, 1)
-    logger.log_metrics({"epoch": 2, "train/loss": 9.0}, 5)
-    logger.save()
-    with (tmp_path / "metrics.csv").open() as file:
-        assert [(row["epoch"], row["train/loss"]) for row in csv.DictReader(file)] == [
-            ("0", "0.5"), ("1", "1.5"), ("2", "9.0"),
-        ]  # fmt: skip
 
 
 def test_a_file_that_spoils_is_one_line_even_from_a_worker(tiny: Compose, tmp_path: Path) -> None:

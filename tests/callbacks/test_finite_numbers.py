@@ -10,7 +10,7 @@ import torch
 from lightning import Callback, LightningModule, Trainer
 from torch import nn
 
-from col3d.callbacks import FiniteCheckpoint, FiniteNumbers
+from col3d.callbacks import FiniteNumbers
 from col3d.callbacks.finite_numbers import DivergedError
 
 
@@ -79,44 +79,3 @@ def test_large_gradients_that_are_finite_go_on() -> None:
     module.weight.grad = torch.tensor(3e38)
     optimizer = torch.optim.SGD([{"params": [module.weight]}], lr=0.1)
     callback.on_before_optimizer_step(Mock(spec=Trainer, precision="32-true"), module, optimizer)
-
-
-class Epochs(LightningModule):
-    """Its monitored value is one of a list, by epoch."""
-
-    def __init__(self, values: list[float]) -> None:
-        super().__init__()
-        self.values = values
-        self.weight = nn.Parameter(torch.ones(()))
-
-    def training_step(self, batch: Any, batch_idx: int) -> torch.Tensor:
-        return self.weight * 1.0
-
-    def on_train_epoch_end(self) -> None:
-        self.log("val/abs_rel", self.values[self.current_epoch])
-
-    def configure_optimizers(self) -> torch.optim.Optimizer:
-        return torch.optim.SGD(self.parameters(), lr=0.1)
-
-
-@pytest.mark.parametrize(
-    ("values", "best"),
-    [
-        ([float("nan"), 0.5, 0.4], 0.4),
-        ([0.3, float("nan"), 0.4], 0.3),
-        ([0.3, -float("inf"), 0.2], 0.2),
-        ([float("nan"), float("inf"), float("nan")], None),
-    ],
-)
-def test_the_best_is_a_finite_one(tmp_path: Path, values: list[float], best: float | None) -> None:
-    kept = FiniteCheckpoint(tmp_path, filename="best", monitor="val/abs_rel", save_on_train_epoch_end=True)
-    trainer = Trainer(
-        max_epochs=3, accelerator="cpu", logger=False, enable_progress_bar=False,
-        enable_model_summary=False, callbacks=[kept],
-    )  # fmt: skip
-    trainer.fit(Epochs(values), torch.utils.data.DataLoader([torch.ones(1)], batch_size=None))  # type: ignore[arg-type]
-    assert (tmp_path / "best.ckpt").exists() == (best is not None)
-    if best is not None:
-        assert kept.best_model_score is not None
-        assert kept.best_model_score.item() == pytest.approx(best)
-        assert torch.load(tmp_path / "best.ckpt", weights_only=True)["epoch"] == values.index(best)

@@ -32,8 +32,8 @@ def module_of(item: dict[str, Any], seed: int = 0, augment: Augment | None = Non
 
 
 def order(loader: Any, epoch: int = 0) -> list[int]:
-    if hasattr(loader.sampler, "set_epoch"):
-        loader.sampler.set_epoch(epoch)
+    if hasattr(loader.batch_sampler.sampler, "set_epoch"):
+        loader.batch_sampler.sampler.set_epoch(epoch)
     return [number for batch in loader for number in batch["frame"].tolist()]
 
 
@@ -137,3 +137,31 @@ def test_processes_share_a_mixed_epoch(world_size: int) -> None:
     extra = Counter(chosen) - Counter(shown(parts, 2))
     assert sum(extra.values()) == len(chosen) - 19
     assert not Counter(shown(parts, 2)) - Counter(chosen)
+
+
+@pytest.mark.parametrize("given", range(5))
+@pytest.mark.parametrize("workers", [0, 1])
+def test_an_epoch_goes_on_where_it_was_left(given: int, workers: int, item: dict[str, Any]) -> None:
+    whole = order(module_of(item).train_dataloader(), epoch=2)
+    cut, resumed = module_of(item), module_of(item)
+    cut.workers = resumed.workers = workers
+    batches = iter(cut.train_dataloader())
+    for _ in range(given):
+        next(batches)
+    assert cut.state_dict() == {"batches": given % 4}
+    resumed.load_state_dict(cut.state_dict())
+    loader = resumed.train_dataloader()
+    assert len(loader) == 4
+    assert order(loader, epoch=2) == whole[3 * (given % 4) :]
+    assert order(loader, epoch=3) == order(module_of(item).train_dataloader(), epoch=3)
+
+
+def test_the_epoch_is_told_after_the_loader_has_begun(item: dict[str, Any]) -> None:
+    """Lightning makes the iterator first."""
+    module = module_of(item)
+    module.workers = 1
+    loader = module.train_dataloader()
+    batches = iter(loader)
+    loader.batch_sampler.sampler.set_epoch(5)  # type: ignore[union-attr]
+    found = [number for batch in batches for number in batch["frame"].tolist()]
+    assert found == order(module_of(item).train_dataloader(), epoch=5)

@@ -65,7 +65,7 @@ def run_benchmark(jobs: Sequence[Job], train: Path, output: Path, parallel: int 
         UserError: a folder holds a run of other options, or every job failed.
     """
     jobs = distinct(jobs)
-    waiting = [job for job in jobs if RunFolder(job.options).finished is None]
+    waiting = [job for job in jobs if not RunFolder(job.options).finished]
     print(f"{len(jobs)} runs, {len(jobs) - len(waiting)} of them finished before", flush=True)
     if waiting:  # rendered once, before several jobs want it
         first = jobs[0].options

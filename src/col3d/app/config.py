@@ -254,6 +254,7 @@ class CallbackOptions(Options):
 
     panels: Annotated[int, Field(ge=0)]
     predictions: bool
+    checkpoint_minutes: Weight
 
 
 class LoggerOptions(Options):
@@ -287,6 +288,7 @@ class TrainOptions(Options):
     seed: Annotated[int, Field(ge=0, lt=2**32)]
     overwrite: bool
     output_dir: str
+    objective: Annotated[list[str], Field(min_length=1)]
     preset: str
     model: ModelOptions
     task: Annotated[TaskOptions, ByName]

@@ -33,3 +33,8 @@ def commit() -> str | None:
 def versions() -> dict[str, str]:
     """Of the packages that numbers depend on."""
     return {name: version(name) for name in PACKAGES}
+
+
+def provenance() -> dict[str, object]:
+    """All of it."""
+    return {"command": command(), "commit": commit(), "versions": versions()}

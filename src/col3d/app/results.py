@@ -1,6 +1,5 @@
 """What an evaluation leaves behind: per_frame.csv, summary.json, panels, and the table on screen."""
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -8,7 +7,7 @@ from typing import Any
 from lightning import Callback, LightningModule
 from lightning.pytorch.loggers import Logger, WandbLogger
 
-from col3d.app.provenance import command, commit, versions
+from col3d.app.provenance import provenance
 from col3d.app.scored import Scored
 from col3d.callbacks import ImagePanels, PerFrameTable
 from col3d.data.splits import describe
@@ -68,8 +67,8 @@ class Results:
         best: Mapping[str, float],
         loggers: Sequence[Logger] = (),
         cost: Mapping[str, Any] | None = None,
-    ) -> None:
-        """Write summary.json, log to Weights & Biases, and print the table with the paths."""
+    ) -> dict[str, Any]:
+        """Write summary.json, log to Weights & Biases, print the table with the paths; the summary."""
         facts = {
             **self.facts,
             **self.context,
@@ -78,19 +77,19 @@ class Results:
             "baseline": means(self.table.baseline, self.average),
             "parameters": sum(p.numel() for p in task.get_submodule("network").parameters()),
             "cost": None if cost is None else dict(cost),
-            "command": command(),
-            "commit": commit(),
-            "versions": versions(),
+            **provenance(),
         }
         summary = summarise(self.table.rows, facts, self.average)
         for logger in loggers:
-            logger.log_metrics({f"test/{name}": value for name, value in summary["metrics"].items()})
+            scores = {f"test/{name}": value for name, value in summary["metrics"].items()}
+            logger.log_metrics({**scores, "epoch": best["epoch"]})
             logger.save()
             if isinstance(logger, WandbLogger) and self.panels.paths:
                 logger.log_image("panels", [str(path) for path in self.panels.paths])
         write_json(self.folder / "summary.json", summary)
         print_summary(summary)
         self._print_paths(checkpoint)
+        return summary
 
     def _print_paths(self, checkpoint: Path) -> None:
         wrote = [
@@ -98,15 +97,3 @@ class Results:
         ]
         lines = [str(path) for path in (*wrote, self.folder / "panels", checkpoint) if path.exists()]
         print("wrote", *lines, sep="\n  ", flush=True)
-
-
-def read_summary(folder: Path) -> dict[str, Any] | None:
-    """The summary of a finished run, or None."""
-    path = folder / "summary.json"
-    if not path.is_file():
-        return None
-    try:
-        summary: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError:
-        return None
-    return summary

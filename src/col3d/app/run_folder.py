@@ -1,22 +1,27 @@
 """The folder of a run: what lies there already, and what may be replaced."""
 
-import pickle
+import hashlib
+import json
 import shutil
+import zipfile
 from pathlib import Path
 from typing import Any
 
-import torch
 import yaml
 
+from col3d.app.checkpoints import DamagedError, read_checkpoint
 from col3d.app.config import TrainOptions
-from col3d.app.results import read_summary
+from col3d.callbacks import BestCheckpoint
 from col3d.checks import UserError
+from col3d.reports.jobs import RESULT, STATUS, read_plain
+from col3d.reports.summary import write_json
 
 CONFIG = "config.yaml"
 CHECKPOINTS = "checkpoints"
-UNRELATED = {"overwrite", "output_dir", "logger"}
+OURS = (RESULT, STATUS, "summary.json", "per_frame.csv", "metrics.csv", "bad_batch.pt", "wandb_id.txt")
+UNRELATED = {"overwrite", "output_dir", "logger", "objective"}
 """Groups and options that change nothing in the weights and numbers of a run."""
-UNRELATED_INSIDE = {("data", "workers"), ("data", "store")}
+UNRELATED_INSIDE = {("data", "workers"), ("data", "store"), ("callbacks", "checkpoint_minutes")}
 
 
 class RunFolder:
@@ -25,6 +30,11 @@ class RunFolder:
     Args:
         options: of the run that is asked for.
 
+    Attributes:
+        finished: what result.json says of the finished run of these options.
+        cut_off: the checkpoint to go on from.
+        epochs: how many epochs it has behind it.
+
     Raises:
         UserError: the folder holds something else: the run of other options, while overwrite is not set, or
             files that are no run's.
@@ -32,24 +42,21 @@ class RunFolder:
 
     def __init__(self, options: TrainOptions) -> None:
         self.options, self.path = options, Path(options.output_dir)
+        self.finished: dict[str, Any] = {}
+        self.cut_off: Path | None = None
+        self.epochs = 0
         if (self.path / CHECKPOINTS).exists() and not (self.path / CONFIG).is_file():
             raise UserError(f"{self.path} holds {CHECKPOINTS} of something else; give another hydra.run.dir")
-        found = None if options.overwrite else read_summary(self.path)
-        self.epoch: int | None = None
-        self.cut_off = None if options.overwrite or found else self._last_checkpoint()
-        if (found or self.cut_off) and (changed := self._changes()):
-            raise UserError(
-                f"{self.path} holds a run with another {', '.join(changed)}; "
-                "give overwrite=true to replace it, or another hydra.run.dir"
-            )
-        self.finished: dict[str, Any] | None = found
+        if not options.overwrite:
+            self._look()
 
     def begin(self) -> None:
         """Clear away what is to be replaced and write config.yaml; a run that was cut off keeps its files."""
         self.path.mkdir(parents=True, exist_ok=True)
         if self.cut_off is None:
-            (self.path / "summary.json").unlink(missing_ok=True)
-            for name in (CHECKPOINTS, "panels"):
+            for name in OURS:
+                (self.path / name).unlink(missing_ok=True)
+            for name in (CHECKPOINTS, "panels", "predictions_test"):
                 shutil.rmtree(self.path / name, ignore_errors=True)
         else:
             print(f"goes on from {self.cut_off}", flush=True)
@@ -57,24 +64,66 @@ class RunFolder:
         partial.write_text(yaml.safe_dump(self.options.model_dump(), sort_keys=False), encoding="utf-8")
         partial.replace(self.path / CONFIG)
 
-    def _last_checkpoint(self) -> Path | None:
-        """The newest checkpoint that can be read: one that was cut off while it was saved cannot."""
+    def finish(self, best: dict[str, float], metrics: dict[str, float], seconds: float) -> None:
+        """Write result.json, by which the run is known to be finished."""
+        content = {"hash": hash_of(self.options), "best": best, "metrics": metrics, "seconds": seconds}
+        write_json(self.path / RESULT, content)
+
+    def _look(self) -> None:
+        result = read_plain(self.path / RESULT)
+        checkpoint, content = (None, {}) if result else self._last_checkpoint()
+        if (result or checkpoint) and (changed := self._changes()):
+            raise UserError(
+                f"{self.path} holds a run with another {', '.join(changed)}; "
+                "give overwrite=true to replace it, or another hydra.run.dir"
+            )
+        if result.get("hash") == hash_of(self.options):
+            self.finished = result
+        elif checkpoint is not None:
+            self.cut_off = checkpoint
+            self.epochs = int(content["loops"]["fit_loop"]["epoch_progress"]["current"]["processed"])
+
+    def _last_checkpoint(self) -> tuple[Path | None, dict[str, Any]]:
+        """The newest checkpoint that is whole, if the best that it speaks of is, too."""
         for name in ("last.ckpt", "best.ckpt"):
             path = self.path / CHECKPOINTS / name
-            if path.is_file():
-                try:
-                    self.epoch = int(torch.load(path, map_location="cpu", weights_only=True)["epoch"])
-                except (RuntimeError, OSError, EOFError, ValueError, KeyError, pickle.UnpicklingError):
-                    print(f"note: {path} was cut off while it was saved and is left aside", flush=True)
-                else:
-                    return path
-        return None
+            if not path.is_file():
+                continue
+            try:
+                content = read_checkpoint(path)
+            except DamagedError as error:
+                print(f"note: damaged, and left aside: {error}", flush=True)
+                continue
+            if name == "best.ckpt" or self._has_best(content):
+                return path, content
+            print("note: the best epoch's weights are lost; training starts anew to find them", flush=True)
+            break
+        return None, {}
+
+    def _has_best(self, content: dict[str, Any]) -> bool:
+        """Whether the best checkpoint is there, where there has been one."""
+        known = [v for k, v in content["callbacks"].items() if k.startswith(BestCheckpoint.__name__)]
+        if not known or known[0]["best_model_score"] is None:
+            return True
+        try:
+            with zipfile.ZipFile(self.path / CHECKPOINTS / "best.ckpt") as archive:
+                return archive.testzip() is None
+        except (OSError, zipfile.BadZipFile):
+            return False
 
     def _changes(self) -> list[str]:
         """Options that differ from those of the run in this folder, and matter."""
         config = self.path / CONFIG
         before = yaml.safe_load(config.read_text(encoding="utf-8")) if config.is_file() else None
         return _differing(before or {}, self.options.model_dump())
+
+
+def hash_of(options: TrainOptions) -> str:
+    """Of all options that the weights and numbers of a run depend on."""
+    content = options.model_dump(mode="json", exclude=UNRELATED)
+    for group, name in UNRELATED_INSIDE:
+        content[group].pop(name)
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def _differing(before: dict[str, Any], now: dict[str, Any]) -> list[str]:

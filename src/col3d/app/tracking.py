@@ -1,52 +1,72 @@
-"""Where metrics are logged: metrics.csv, and Weights & Biases where it is asked for."""
+"""Weights & Biases, where it is asked for."""
 
-import csv
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from lightning.pytorch.loggers import CSVLogger, Logger
-from torch import Tensor
+from lightning.pytorch.loggers import Logger
 
 from col3d.app.config import TrainOptions
+from col3d.app.rank import is_first
 
-
-def csv_logger(folder: Path, epoch: int | None) -> CSVLogger:
-    """Logs into metrics.csv; a run that goes on keeps the rows up to the epoch of its checkpoint."""
-    path = folder / "metrics.csv"
-    there = epoch is not None and path.is_file()
-    before = list(csv.DictReader(path.read_text().splitlines())) if there else []
-    kept = [
-        i + 1 for i, row in enumerate(before) if row.get("train/loss") and int(row["epoch"]) <= (epoch or 0)
-    ]
-    logger = CSVLogger(folder, name="", version="")
-    for row in before[: max(kept, default=0)]:  # later epochs are logged again
-        values: dict[str, Tensor | float] = {
-            k: int(v) if v.isdigit() else float(v) for k, v in row.items() if v and k != "step"
-        }
-        logger.log_metrics(values, int(row["step"]))
-    return logger
+ID = "wandb_id.txt"
+"""Under which name W&B knows the run of a folder, for a training that goes on."""
+PATIENCE = 30
+"""Seconds to wait for W&B's server."""
 
 
 @contextmanager
 def wandb_run(options: TrainOptions, folder: Path) -> Iterator[list[Logger]]:
-    """The logger, imported only now; a run that ends in an exception is marked as failed."""
-    if options.logger.name != "wandb":
+    """The logger, imported only now; a run that ends in an exception is marked as failed.
+
+    Without a key, or where the server cannot be reached, W&B's files are kept in the folder.
+    """
+    if options.logger.name != "wandb" or not is_first():
         yield []
         return
     import wandb
-    from lightning.pytorch.loggers import WandbLogger
 
-    logger = WandbLogger(
-        name=folder.name,
-        save_dir=folder,
-        project=options.logger.project,
-        offline=options.logger.offline,
-        config=options.model_dump(mode="json"),
-    )
     code = 1
     try:
-        yield [logger]
+        yield [_logger(options, folder)]
         code = 0
     finally:
         wandb.finish(exit_code=code)
+
+
+def _logger(options: TrainOptions, folder: Path) -> Logger:
+    import wandb
+    from lightning.pytorch.loggers import WandbLogger
+
+    def started(offline: bool) -> Logger:
+        logger = WandbLogger(
+            name=folder.name,
+            save_dir=folder,
+            project=options.logger.project,
+            offline=offline,
+            id=_id(folder),
+            resume=None if offline else "allow",
+            config=options.model_dump(mode="json"),
+            settings=wandb.Settings(init_timeout=PATIENCE, login_timeout=PATIENCE),
+        )
+        _ = logger.experiment  # connects
+        return logger
+
+    if not options.logger.offline:
+        try:
+            if not wandb.login(prompt=False, timeout=PATIENCE):
+                raise wandb.errors.UsageError("there is no key; `wandb login` asks for one")
+            return started(offline=False)
+        except wandb.errors.Error as error:
+            reason = str(error).splitlines()[0]
+            print(f"note: W&B goes on offline: {reason}; upload {folder}/wandb with `wandb sync`", flush=True)
+            wandb.teardown()
+    return started(offline=True)
+
+
+def _id(folder: Path) -> str:
+    path = folder / ID
+    if not path.is_file():
+        path.write_text(f"{os.urandom(4).hex()}\n", encoding="utf-8")
+    return path.read_text(encoding="utf-8").strip()

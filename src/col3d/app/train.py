@@ -10,64 +10,112 @@ from typing import Any
 
 import torch
 from lightning import Callback, Trainer, seed_everything
-from lightning.pytorch.callbacks import LearningRateMonitor, ModelCheckpoint, RichProgressBar
+from lightning.fabric.plugins.environments import SLURMEnvironment
+from lightning.pytorch.callbacks import Checkpoint, RichProgressBar
 from lightning.pytorch.loggers import Logger
 
 from col3d.app import build
+from col3d.app.checkpoints import CheckpointFiles
 from col3d.app.config import TrainerOptions, TrainOptions
 from col3d.app.cost import measure_cost
 from col3d.app.errors import check_options
 from col3d.app.frames import data_module, settled
+from col3d.app.job import JobStatus, locked, reported
+from col3d.app.metrics_file import MetricsFile
+from col3d.app.provenance import provenance
+from col3d.app.rank import end_with_first, is_first
 from col3d.app.results import Results, facts_of
-from col3d.app.run_folder import RunFolder
+from col3d.app.run_folder import CHECKPOINTS, RunFolder
 from col3d.app.scored import Scored
-from col3d.app.tracking import csv_logger, wandb_run
-from col3d.callbacks import EpochLines, FiniteCheckpoint, FiniteNumbers, SavePredictions
+from col3d.app.tracking import wandb_run
+from col3d.callbacks import (
+    About,
+    BestCheckpoint,
+    EpochLines,
+    FiniteNumbers,
+    LastCheckpoint,
+    SavePredictions,
+    Stopped,
+    StopSignals,
+)
 from col3d.callbacks.finite_numbers import DivergedError
 from col3d.checks import UserError
 from col3d.data.datamodule import FrameDataModule
+from col3d.reports.jobs import RESULT, read_plain
 from col3d.reports.summary import print_summary
 from col3d.tasks import SupervisedTask
 
 WATCHED = "val/abs_rel"
-INTERRUPTED = 130
-"""Exit code after Ctrl-C."""
 
 
-def train(given: Mapping[str, Any]) -> float:
+def train(given: Mapping[str, Any]) -> float | tuple[float, ...]:
     """Run the whole job that the options describe.
 
     A folder that holds the finished run of the same options is left as it is, and its table shown again; one
-    that was cut off goes on from its last epoch.
+    that was cut off goes on from its last checkpoint. Signals that ask it to stop make it save and leave.
 
     Args:
         given: the composed configuration as plain values; see `TrainOptions`.
 
     Returns:
-        The best abs_rel on the validation split.
+        What `objective` names, of the best epoch: lower is better.
 
     Raises:
         UserError: an option or the data breaks a rule, in one line for each.
+        TakenError: another process trains in that folder.
+        Stopped: it was asked to stop; its exit code says how.
     """
     quiet()
     options = check_options(TrainOptions, given)
     check_accelerator(options.trainer.accelerator)
     data = settled(options.data, options.phantom)
     options = options.model_copy(update={"data": data})
-    folder = RunFolder(options)
-    if folder.finished is not None:
-        print_summary(folder.finished)
+    path = Path(options.output_dir)
+    end_with_first()
+    with StopSignals() as stop:
+        try:
+            with locked(path):
+                return _trained(options, RunFolder(options), stop)
+        except Stopped as stopped:
+            if is_first():
+                print(f"stopped; the same command goes on: {path}", flush=True)
+                stop.hand_on(stopped.signum)
+            raise SystemExit(stopped.code if is_first() else 0) from None
+        finally:
+            if torch.distributed.is_initialized():  # the next job of a sweep has other processes beside it
+                torch.distributed.destroy_process_group()
+
+
+def _trained(options: TrainOptions, folder: RunFolder, stop: StopSignals) -> float | tuple[float, ...]:
+    """What comes of a run, now or before."""
+    if not folder.finished:
+        with reported(JobStatus(folder.path)) as status:
+            _run(options, folder, stop, status)
+    else:
+        print_summary(read_plain(folder.path / "summary.json"))
         print(f"finished before: {folder.path}; overwrite=true trains again")
-        return float(folder.finished["best"][WATCHED])
+    if not is_first():
+        return math.nan
+    best = read_plain(folder.path / RESULT)["best"]
+    if missing := [name for name in options.objective if name not in best]:
+        raise UserError(f"objective: {', '.join(missing)} is not measured; there are {', '.join(best)}")
+    score = tuple(float(best[name]) for name in options.objective)
+    return score[0] if len(score) == 1 else score
+
+
+def _run(options: TrainOptions, folder: RunFolder, stop: StopSignals, status: JobStatus) -> None:
     seed_everything(options.seed, workers=True, verbose=False)
     truth = options.one_protocol[1].truth
     frames = data_module(options.data, options.phantom, options.seed, test_truth=truth)
     task = build.task(options)
-    Scored.after(options.data, "test").print_audit()
-    folder.begin()
+    scored = Scored.after(options.data, "test")
+    if is_first():
+        scored.print_audit()
+        folder.begin()
+    status.write("running")
     with wandb_run(options, folder.path) as loggers:
-        loggers.append(csv_logger(folder.path, folder.epoch))
-        return _fit_and_test(options, folder, frames, task, loggers)
+        loggers.append(MetricsFile(folder.path / "metrics.csv", folder.epochs))
+        _fit_and_test(options, folder, frames, task, scored, loggers, stop, status)
 
 
 def _fit_and_test(
@@ -75,18 +123,15 @@ def _fit_and_test(
     folder: RunFolder,
     data: FrameDataModule,
     task: SupervisedTask,
+    scored: Scored,
     loggers: list[Logger],
-) -> float:
-    best = FiniteCheckpoint(
-        folder.path / "checkpoints",
-        filename="best",
-        monitor=WATCHED,
-        enable_version_counter=False,
-    )
-    # Not save_last=True, which skips the epochs that are not the best so far.
-    last = ModelCheckpoint(folder.path / "checkpoints", filename="last", enable_version_counter=False)
+    stop: StopSignals,
+    status: JobStatus,
+) -> None:
+    place = folder.path / CHECKPOINTS
+    best = BestCheckpoint(place / "best.ckpt", WATCHED)
+    last = LastCheckpoint(place / "last.ckpt", options.callbacks.checkpoint_minutes, stop)
     name, protocol = options.one_protocol
-    scored = Scored.after(options.data, "test")
     facts = facts_of(options.model.name, options.seed, scored, name)
     results = Results(
         facts,
@@ -97,26 +142,32 @@ def _fit_and_test(
         protocol.average,
     )
     kept = _kept_predictions(options, folder.path)
-    adversarial = options.task.name == "adversarial"
-    callbacks = [best, last, *_watchers(folder.path), *results.callbacks, *kept]
-    trainer = make_trainer(options.trainer, callbacks, loggers, adversarial=adversarial)
+    watchers = _watchers(folder.path, options.trainer.max_epochs, status)
+    about = About({**provenance(), **data.about(), "split": options.data.split.model_dump()})
+    trainer = make_trainer(
+        options.trainer,
+        [about, best, last, *watchers, *results.callbacks, *kept],
+        loggers,
+        adversarial=options.task.name == "adversarial",
+    )
     try:
         trainer.fit(task, datamodule=data, ckpt_path=folder.cut_off, weights_only=True)
     except DivergedError as error:
         raise UserError(str(error)) from None
-    except (KeyboardInterrupt, SystemExit):
-        print("stopped; the same command goes on from the last epoch", flush=True)
-        raise SystemExit(INTERRUPTED) from None
-    if best.best_model_score is None or not math.isfinite(best.best_model_score):
+    except RuntimeError as error:
+        if "DataLoader worker" in str(error):
+            raise UserError(f"data.workers: {_last_line(error)}; the same command goes on") from None
+        raise
+    if best.best_model_score is None:
         raise UserError(f"{WATCHED} was never finite: nothing to evaluate; lower optimizer.lr")
-    epoch = build.load_weights(task, Path(best.best_model_path))
+    epoch = build.load_weights(task, best.path)
     trainer.test(task, datamodule=data, verbose=False)
-    score = float(best.best_model_score)
     if trainer.is_global_zero:
         height, width = options.data.size
         cost = measure_cost(task.network, (height, width))
-        results.write(task, Path(best.best_model_path), {WATCHED: score, "epoch": epoch}, loggers, cost)
-    return score
+        found = {**best.metrics, "epoch": epoch}
+        summary = results.write(task, best.path, found, loggers, cost)
+        folder.finish(found, summary["metrics"], status.seconds)
 
 
 def _kept_predictions(options: TrainOptions, folder: Path) -> list[Callback]:
@@ -133,6 +184,7 @@ def quiet() -> None:
     warnings.filterwarnings("ignore", message=r".*isinstance\(treespec, LeafSpec\)")
     warnings.filterwarnings("ignore", message=".*directory .* exists and is not empty")
     warnings.filterwarnings("ignore", message=".*does not have many workers which may be a bottleneck")
+    warnings.filterwarnings("ignore", message="The `srun` command is available on your system but is not")
 
 
 def check_accelerator(name: str) -> None:
@@ -165,15 +217,30 @@ def make_trainer(
         limit_train_batches=given.limit_train_batches,
         callbacks=callbacks,
         logger=loggers or False,
+        plugins=_plugins(),
         use_distributed_sampler=False,
         log_every_n_steps=1,
         num_sanity_val_steps=0,
         enable_model_summary=False,
         enable_progress_bar=sys.stdout.isatty(),
-        enable_checkpointing=any(isinstance(callback, ModelCheckpoint) for callback in callbacks),
+        enable_checkpointing=any(isinstance(callback, Checkpoint) for callback in callbacks),
     )
 
 
-def _watchers(folder: Path) -> list[Callback]:
+def _watchers(folder: Path, epochs: int, status: JobStatus) -> list[Callback]:
     bar: list[Callback] = [RichProgressBar()] if sys.stdout.isatty() else []
-    return [FiniteNumbers(folder), LearningRateMonitor(logging_interval="epoch"), EpochLines(), *bar]
+
+    def epoch_done(epoch: int) -> None:
+        status.write("running", epoch=epoch, epochs=epochs)
+
+    return [FiniteNumbers(folder), EpochLines(epoch_done), *bar]
+
+
+def _plugins() -> list[Any]:
+    """Checkpoints that are whole or not there; on a cluster, no requeueing by Lightning."""
+    cluster = [SLURMEnvironment(auto_requeue=False)] if SLURMEnvironment.detect() else []
+    return [CheckpointFiles(), *cluster]
+
+
+def _last_line(error: Exception) -> str:
+    return str(error).strip().splitlines()[-1]

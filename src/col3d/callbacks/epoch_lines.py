@@ -1,14 +1,22 @@
 """A line for each epoch, for logs and terminals without a progress bar."""
 
 import time
+from collections.abc import Callable
 
 from lightning import Callback, LightningModule, Trainer
 
 
 class EpochLines(Callback):
-    """Prints losses, the watched metrics, the time of the epoch and an estimate of what is left."""
+    """Prints losses, the watched metrics, the time of the epoch and an estimate of what is left.
+
+    Args:
+        then: what else wants to know that so many epochs are done.
+    """
 
     SHOWN = ("train/loss", "val/loss", "val/abs_rel", "val/delta1", "val/angle_mean")
+
+    def __init__(self, then: Callable[[int], None] = lambda done: None) -> None:
+        self.then = then
 
     def on_fit_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Start the clock."""
@@ -27,3 +35,4 @@ class EpochLines(Callback):
             f"epoch {done}/{last}  {values}  {pace:.1f} s an epoch, {pace * (last - done):.0f} s left",
             flush=True,
         )
+        self.then(done)

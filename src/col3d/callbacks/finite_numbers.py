@@ -7,7 +7,6 @@ from typing import Any
 
 import torch
 from lightning import Callback, LightningModule, Trainer
-from lightning.pytorch.callbacks import ModelCheckpoint
 from torch import Tensor
 from torch.optim import Optimizer
 
@@ -89,12 +88,3 @@ class FiniteNumbers(Callback):
 
 def _finite(values: Tensor) -> bool:
     return bool(values.isfinite().all())
-
-
-class FiniteCheckpoint(ModelCheckpoint):
-    """Keeps the best of the epochs whose monitored value is a finite number."""
-
-    def check_monitor_top_k(self, trainer: Trainer, current: Tensor | None = None) -> bool:
-        """Whether the epoch is among the best."""
-        finite = current is not None and bool(torch.as_tensor(current).isfinite())
-        return finite and super().check_monitor_top_k(trainer, current)

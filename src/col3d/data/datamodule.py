@@ -1,12 +1,14 @@
 """Data sets of a split as batches for Lightning, augmented on the batch's device."""
 
+import itertools
 import math
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import torch
 from lightning import LightningDataModule
-from torch.utils.data import DataLoader, Dataset, DistributedSampler, Sampler
+from torch.utils.data import BatchSampler, DataLoader, Dataset, DistributedSampler, Sampler
 
 from col3d.batch import Batch
 from col3d.checks import DataError
@@ -14,8 +16,11 @@ from col3d.data.codes import Codes, decode
 from col3d.data.sized import SizedFrames
 from col3d.data.transforms import Augment
 from col3d.geometry import Camera
+from col3d.geometry.camera_file import plain_from_camera
 
 Frames = Dataset[dict[str, Any]]
+WORKERS_START = "fork" if sys.platform == "linux" else None
+"""Said, because a launcher that runs jobs in processes of its own may have set another start method."""
 
 
 class InCodes(Dataset[Codes]):
@@ -88,6 +93,45 @@ class EveryFrameOnce(Sampler[int]):
         return iter(self.indices)
 
 
+class ResumableLoader(DataLoader[Any]):
+    """A loader whose position a checkpoint keeps: the epoch that follows `load_state_dict` begins there.
+
+    The order of frames is one of (seed, epoch): the number of batches is all there is to keep.
+    """
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self._given, self._passed_over = 0, 0
+
+    def __iter__(self) -> Iterator[Any]:  # type: ignore[override]
+        self._given, self._passed_over = self._passed_over, 0
+        return self._from(self._given)
+
+    def _from(self, start: int) -> Iterator[Any]:
+        """Nothing is read before the first batch is asked for: only then has Lightning told the epoch."""
+        self.batch_sampler.start = start  # type: ignore[union-attr]
+        for batch in super().__iter__():
+            self._given += 1
+            yield batch
+
+    def state_dict(self) -> dict[str, int]:
+        """How many batches of the epoch it has given; 0 when it has given all."""
+        return {"batches": self._given % len(self)}
+
+    def load_state_dict(self, state: Mapping[str, int]) -> None:
+        """Pass over as many in the next epoch."""
+        self._passed_over = state["batches"]
+
+
+class LaterBatches(BatchSampler):
+    """Batches of an order of frames, from the `start`-th on."""
+
+    start = 0
+
+    def __iter__(self) -> Iterator[list[int]]:
+        return itertools.islice(super().__iter__(), self.start, None)
+
+
 class FrameDataModule(LightningDataModule):
     """Loaders over the sets of a split.
 
@@ -115,12 +159,24 @@ class FrameDataModule(LightningDataModule):
         self.frames = dict(frames)
         self.batch_size, self.workers, self.augment, self.seed = batch_size, workers, augment, seed
         self.weights = list(weights)
+        self._train_loader: ResumableLoader | None = None
+        self._position: dict[str, int] = {"batches": 0}
         sized = [part for part in frames.values() if isinstance(part, SizedFrames)]
         self.cameras = list(dict.fromkeys(camera for part in sized for camera in part.cameras))
 
     def lengths(self) -> dict[str, int]:
         """Number of frames by split."""
         return {split: len(frames) for split, frames in self.frames.items()}  # type: ignore[arg-type]
+
+    def about(self) -> dict[str, Any]:
+        """Releases, lenses and numbers of frames, as plain values."""
+        sized = [part for part in self.frames.values() if isinstance(part, SizedFrames)]
+        releases = {video: release for part in sized for video, release in part.releases.items()}
+        return {
+            "release": releases,
+            "cameras": [plain_from_camera(camera) for camera in self.cameras],
+            "frames": self.lengths(),
+        }
 
     def train_dataloader(self) -> DataLoader[Any]:
         """Shuffled by (seed, epoch); the last, smaller batch is used too."""
@@ -130,7 +186,17 @@ class FrameDataModule(LightningDataModule):
         sampler: Sampler[int] = DistributedSampler(frames, world_size, rank, shuffle=True, seed=self.seed)
         if len(self.weights) > 1 or any(weight != 1 for _, weight in self.weights):
             sampler = WeightedOrder(self.weights, self.seed, rank, world_size)
-        return self._loader("train", sampler)
+        self._train_loader = self._loader("train", sampler)
+        self._train_loader.load_state_dict(self._position)
+        return self._train_loader
+
+    def state_dict(self) -> dict[str, Any]:
+        """The place in the epoch; Lightning keeps it in checkpoints."""
+        return self._position if self._train_loader is None else self._train_loader.state_dict()
+
+    def load_state_dict(self, state_dict: dict[str, Any]) -> None:
+        """Go on from there: what loaders keep by themselves is loaded too late, once they iterate."""
+        self._position = state_dict
 
     def val_dataloader(self) -> DataLoader[Any]:
         """In order, each frame once."""
@@ -159,15 +225,15 @@ class FrameDataModule(LightningDataModule):
         rank, world_size = self._place()
         return self._loader(split, EveryFrameOnce(self.lengths()[split], rank, world_size))
 
-    def _loader(self, split: str, sampler: Sampler[int]) -> DataLoader[Any]:
+    def _loader(self, split: str, sampler: Sampler[int]) -> ResumableLoader:
         frames = self.frames[split]
         coded = InCodes(frames, self.cameras) if isinstance(frames, SizedFrames) else None
-        return DataLoader(
+        return ResumableLoader(
             frames if coded is None else coded,
-            batch_size=self.batch_size,
-            sampler=sampler,
+            batch_sampler=LaterBatches(sampler, self.batch_size, drop_last=False),
             collate_fn=None if coded is None else as_it_is,
             num_workers=self.workers,
+            multiprocessing_context=WORKERS_START if self.workers else None,
             persistent_workers=self.workers > 0,
             pin_memory=torch.cuda.is_available(),
         )

@@ -11,8 +11,12 @@ from torchmetrics import MeanMetric
 
 from col3d.batch import Batch, Prediction
 from col3d.metrics import DepthMetrics, FrameMean, NormalMetrics, Protocol
+from col3d.tasks.epoch_totals import EpochTotals
 from col3d.tasks.mirror import mirror_average
 from col3d.tasks.optimisation import OptimizerFactory, SchedulerFactory
+
+EPOCH = "epoch_so_far"
+"""Where a checkpoint keeps the sums of an epoch that is under way."""
 
 
 class Scored(TypedDict):
@@ -42,6 +46,8 @@ class SupervisedTask(LightningModule):
 
     depth_seen: Tensor
     """Sum of the training depths in mm, and their number."""
+    _seen: Tensor
+    """The same of the epoch that is under way; a buffer would be overwritten by the first process."""
 
     def __init__(
         self,
@@ -66,6 +72,7 @@ class SupervisedTask(LightningModule):
         means = {name: MeanMetric(nan_strategy="disable") for name in losses}
         self.val_losses: dict[str, MeanMetric] = nn.ModuleDict(means)  # type: ignore[assignment]
         self.last_terms: dict[str, Tensor] = {}
+        self.totals = EpochTotals()
         self.register_buffer("depth_seen", torch.zeros(2, dtype=torch.float64))
 
     def forward(self, batch: Batch) -> Prediction:
@@ -81,16 +88,18 @@ class SupervisedTask(LightningModule):
         """The terms and their `total` for a training batch, logged."""
         losses: dict[str, Tensor] = self._losses(prediction, batch)
         self.last_terms = {name: value.detach() for name, value in losses.items() if name != "total"}
-        self.log_train(_named(losses), batch)
+        rate = batch["depth"].new_tensor(self.trainer.optimizers[0].param_groups[0]["lr"])
+        self.log_train({**_named(losses), "lr": rate}, batch)
+        self.totals.count("train/frames_without_truth", (~batch["mask"].flatten(1).any(dim=1)).sum())
         if self.current_epoch == 0:
             seen = torch.where(batch["mask"], batch["depth"], 0.0).sum(dtype=torch.float64)
-            self._seen += torch.stack([seen, batch["mask"].sum()])
+            self._seen = self._seen.to(seen.device) + torch.stack([seen, batch["mask"].sum()])
         return losses
 
     def log_train(self, values: Mapping[str, Tensor], batch: Batch) -> None:
-        """Log the epoch's means of a training batch's values, over all processes."""
-        named = {f"train/{name}": value.detach() for name, value in values.items()}
-        self.log_dict(named, batch_size=len(batch["image"]), on_step=False, on_epoch=True, sync_dist=True)
+        """Add a training batch's values to the epoch's means."""
+        named = {f"train/{name}": value for name, value in values.items()}
+        self.totals.add(named, weight=len(batch["image"]))
 
     def _losses(self, prediction: Prediction, batch: Batch) -> dict[str, Tensor]:
         if self.loss is None:
@@ -99,7 +108,8 @@ class SupervisedTask(LightningModule):
         return losses
 
     def on_train_epoch_start(self) -> None:
-        """Begin the mean training depth; a buffer would be overwritten by the first process under DDP."""
+        """Begin the means, and that of the depth."""
+        self.totals.reset()
         self._seen = torch.zeros_like(self.depth_seen)
 
     def on_train_batch_start(self, batch: Batch, batch_idx: int) -> None:
@@ -110,7 +120,25 @@ class SupervisedTask(LightningModule):
     def on_train_epoch_end(self) -> None:
         """Keep the mean training depth, over all processes."""
         if self.current_epoch == 0:
-            self.depth_seen.copy_(self.trainer.strategy.reduce(self._seen, reduce_op="sum"))
+            self.depth_seen.copy_(self._sum(self._seen))
+
+    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Keep the sums of the epoch that is under way, over all processes."""
+        checkpoint[EPOCH] = {
+            "totals": self.totals.state(self._sum),
+            "depth_seen": self._sum(self._seen).cpu(),
+        }
+
+    def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Go on with them."""
+        kept, first = checkpoint[EPOCH], self.global_rank == 0
+        self.totals.load(kept["totals"], first)
+        self._seen = kept["depth_seen"] * first
+
+    def _sum(self, values: Tensor) -> Tensor:
+        """Over all processes."""
+        total: Tensor = self.trainer.strategy.reduce(values.clone(), reduce_op="sum")
+        return total
 
     def validation_step(self, batch: Batch, batch_idx: int) -> None:
         """Losses and metrics."""
@@ -122,7 +150,8 @@ class SupervisedTask(LightningModule):
                 metric.update(prediction[key], batch[key], batch["mask"])  # type: ignore[literal-required]
 
     def on_validation_epoch_end(self) -> None:
-        """Log the means over frames, over all processes."""
+        """Log the means over frames, and those of the training before it, over all processes."""
+        self.log_dict(self.totals.compute(self._sum), sync_dist=True)
         values = {name: metric.compute() for name, metric in self.val_losses.items()}
         for metric in self.val_metrics.values():
             means = metric.compute()

@@ -1,0 +1,40 @@
+"""Choices of groups on the command line, checked before Hydra takes them in its own way."""
+
+import re
+
+from col3d.checks import nearest_name
+from launch.files import CONF, names_in
+from launch.refusals import refuse
+
+MAY_BE_NULL = [(group, "null") for group in ("experiment", "variant", "data")]
+
+
+def check_choices(arguments: list[str]) -> None:
+    """Refuse a group that is given a list or nothing: Hydra would take the last of a list without a word."""
+    for argument in arguments:
+        group, _, choice = argument.partition("=")
+        if (CONF / group).is_dir() and group and re.match(r"[\[\d]|(null|none)?$", choice):
+            known = names_in(group)
+            if (group, choice) not in MAY_BE_NULL and not (group == "protocol" and choice.startswith("[")):
+                refuse(
+                    f"{group}: expected one of {', '.join(known)}, got {choice!r}; sweep with -m {group}=a,b"
+                )
+
+
+def as_groups(argument: str) -> list[str]:
+    """How Hydra wants a choice inside `data` said: `data.test=simcol3d`, `data.also=[simcol3d,c3vdv2]`."""
+    option, _, value = argument.partition("=")
+    names = value.strip("[]").split(",")
+    if option == "data.split" and (CONF / "data/split" / f"{value}.yaml").is_file():
+        return [f"data/split={value}"]
+    if option not in ("data.test", "data.also") or value in ("null", "{}"):
+        return [argument]
+    known = names_in("data/source")
+    for name in names:
+        if name not in known:
+            refuse(f"{option}: expected one of {', '.join(known)}, got {name!r}{nearest_name(name, known)}")
+    if option == "data.test" and value.startswith("["):
+        refuse(f"data.test: expected one of {', '.join(known)}, got {value}")
+    if option == "data.test":
+        return [f"+data/source@data.test={value}"]
+    return [f"+data/source@data.also.{name}={name}" for name in names]

@@ -1,0 +1,83 @@
+"""Bad input on the command line in one line each, with the nearest valid name."""
+
+import re
+import sys
+from collections.abc import Callable
+from typing import Any
+
+from hydra import compose, initialize_config_dir
+from hydra.errors import HydraException
+from omegaconf import OmegaConf
+from omegaconf.errors import InterpolationResolutionError
+
+from col3d.checks import DataError, UserError, nearest_name
+from launch.files import CONF, names_in
+
+EXIT_CODE = 2
+
+
+def refuse(message: str) -> None:
+    """End the process."""
+    print("\n".join(f"error: {line}" for line in message.splitlines()), file=sys.stderr)
+    sys.exit(EXIT_CODE)
+
+
+def explain(error: Exception, config_name: str) -> str:
+    """Hydra's complaint about the command line as one line, with the nearest valid name."""
+    if isinstance(error, OSError) and not isinstance(error, HydraException):  # some of Hydra's are both
+        return f"{error.filename or 'file'}: {error.strerror or error}"
+    while isinstance(error, InterpolationResolutionError) and isinstance(error.__context__, Exception):
+        error = error.__context__  # what one of the resolvers says
+    if isinstance(error, DataError | UserError):
+        return str(error).rpartition("DataError: ")[2].strip()  # a loader's worker sends its traceback along
+    text = " ".join(f"{error} {error.__cause__ or ''}".split())
+    for pattern, explanation in COMPLAINTS.items():
+        if found := re.search(pattern, text):
+            return explanation(found.group(1), config_name)
+    return text
+
+
+def _unknown_option(option: str, config_name: str) -> str:
+    return f"{option}: no such option{nearest_name(option, _options(config_name))}"
+
+
+def _unknown_choice(choice: str, config_name: str) -> str:
+    group, _, name = choice.rpartition("/")
+    known = names_in(group)
+    return f"{group}: {name!r} is unknown{nearest_name(name, known)} Known: {', '.join(known)}"
+
+
+def _missing_value(option: str, config_name: str) -> str:
+    return f"{option}: a value is needed; give {option}=..."
+
+
+def _bare_list(option: str, config_name: str) -> str:
+    brackets = "" if (CONF / option).is_dir() else "write a list in brackets, [0.5,0.3,0.2], or "
+    return f"{option}: {brackets}sweep over the values with -m"
+
+
+def _unreadable(override: str, config_name: str) -> str:
+    return f"{override}: not key=value; write lists without spaces, such as loss.lambdas=[0.5,0.3,0.2]"
+
+
+COMPLAINTS: dict[str, Callable[[str, str], str]] = {
+    r"Could not override '([^']+)'": _unknown_option,
+    r"Could not find '([^']+)'": _unknown_choice,
+    r"Missing mandatory value.*full_key: (\S+)": _missing_value,
+    r"Ambiguous value for argument '([^=]+)=": _bare_list,
+    r"(?:no viable alternative|mismatched|extraneous|token).*?'([^']*)'": _unreadable,
+}
+
+
+def _options(config_name: str) -> list[str]:
+    """Every option of the configuration, dotted."""
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        config = OmegaConf.to_container(compose(config_name), resolve=False)
+    return _dotted(config) + ["experiment"] * (config_name == "train")
+
+
+def _dotted(node: Any, prefix: str = "") -> list[str]:
+    if not isinstance(node, dict):
+        return [prefix]
+    inside = [name for key, value in node.items() for name in _dotted(value, f"{prefix}.{key}".strip("."))]
+    return [prefix, *inside] if prefix else inside

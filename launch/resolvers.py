@@ -1,0 +1,39 @@
+"""What `${...}` can compute inside the configuration."""
+
+import hashlib
+import re
+from typing import Any
+
+from omegaconf import DictConfig, OmegaConf
+
+from col3d.checks import UserError
+from launch.files import CONF, names_in
+
+LONGEST_NAME = 100
+
+
+def slug(overrides: str) -> str:
+    """A folder's name for the overrides of a job: readable, and unique where it had to be shortened."""
+    name = re.sub(r"[^A-Za-z0-9._]+", "-", overrides.replace(",", "_")).strip("-") or "default"
+    digest = hashlib.sha1(overrides.encode()).hexdigest()[:8]
+    exact = re.fullmatch(r"[A-Za-z0-9._=/,]*", overrides) and len(name) <= LONGEST_NAME
+    return name if exact else f"{name[:LONGEST_NAME]}-{digest}"
+
+
+def by_scale(paper: Any, small: Any, *, _root_: DictConfig) -> Any:
+    """What a model takes at preset=paper, and what at the smaller presets."""
+    return paper if _root_.preset == "paper" else small
+
+
+def size_of(preset: str | None, data: str) -> Any:
+    """The size of frames at a preset; where none is named, at the one that the data set is mostly for."""
+    path = CONF / "preset" / f"{preset or ('laptop' if data == 'phantom' else 'paper')}.yaml"
+    if not path.is_file():
+        known = names_in("preset")
+        raise UserError(f"prepare.preset: expected one of {', '.join(known)}, got {preset!r}")
+    return OmegaConf.select(OmegaConf.load(path), "data.size")
+
+
+OmegaConf.register_new_resolver("size_of", size_of, replace=True)
+OmegaConf.register_new_resolver("slug", slug, replace=True)
+OmegaConf.register_new_resolver("by_scale", by_scale, replace=True)

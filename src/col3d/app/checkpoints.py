@@ -1,0 +1,75 @@
+"""Checkpoint files: there whole or not at all, and checked when they are read."""
+
+import os
+import pickle
+import zipfile
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import torch
+from lightning.fabric.plugins.io.torch_io import TorchCheckpointIO
+
+from col3d.checks import UserError
+
+
+class DamagedError(Exception):
+    """A file was cut short or changed."""
+
+
+class CheckpointFiles(TorchCheckpointIO):
+    """How Lightning saves: into a file beside, which replaces the old one once it is on the disk."""
+
+    def save_checkpoint(self, checkpoint: dict[str, Any], path: Any, storage_options: Any = None) -> None:
+        """Save, or leave what is there as it is.
+
+        Raises:
+            OSError: the disk is full, or may not be written to.
+        """
+        path = Path(path)
+        partial = path.with_name(f"{path.name}.partial")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            with partial.open("wb") as file:
+                torch.save(checkpoint, file)
+                file.flush()
+                os.fsync(file.fileno())
+            partial.replace(path)
+        except BaseException as error:
+            with suppress(OSError):
+                partial.unlink()
+            raise _cause(error, path) from None
+        folder = os.open(path.parent, os.O_RDONLY)
+        os.fsync(folder)
+        os.close(folder)
+
+
+def _cause(error: BaseException, path: Path) -> BaseException:
+    """What a full disk really raised, where torch's writer hides it behind an error of its own."""
+    hidden: BaseException | None = error
+    while hidden is not None:
+        if isinstance(hidden, OSError):
+            return OSError(hidden.errno, hidden.strerror, str(path))
+        hidden = hidden.__context__
+    return error
+
+
+def read_checkpoint(path: Path) -> dict[str, Any]:
+    """A checkpoint of a training, with every byte checked and opened as tensors and plain values only.
+
+    Raises:
+        DamagedError: the file is not as it was saved.
+        UserError: it is a file of something else, or holds what only a pickle that runs code can hold.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            if (damaged := archive.testzip()) is not None:
+                raise DamagedError(f"{path}: {damaged} in it has changed")
+        content = torch.load(path, map_location="cpu", weights_only=True)
+    except pickle.UnpicklingError:
+        raise UserError(f"{path} holds more than tensors and plain values, and is not opened") from None
+    except (zipfile.BadZipFile, RuntimeError, EOFError, ValueError) as error:
+        raise DamagedError(f"{path}: {' '.join(str(error).split())[:200]}") from None
+    if not isinstance(content, dict) or not {"state_dict", "epoch", "loops"} <= content.keys():
+        raise UserError(f"{path} is not a checkpoint of a training")
+    return content

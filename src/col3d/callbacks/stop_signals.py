@@ -1,0 +1,84 @@
+"""Signals that ask a training to end, granted where nothing is lost by it."""
+
+import signal
+import threading
+from collections.abc import Mapping
+from types import FrameType, TracebackType
+from typing import Any
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)
+INTERRUPTED, PREEMPTED = 130, 143
+"""Exit codes after Ctrl-C, and after the signals that schedulers send."""
+
+
+class Stopped(SystemExit):
+    """A training that was asked to stop has done so; its `code` is the exit code of the process.
+
+    Attributes:
+        signum: the signal that asked for it.
+    """
+
+    def __init__(self, signum: int) -> None:
+        super().__init__(INTERRUPTED if signum == signal.SIGINT else PREEMPTED)
+        self.signum = signum
+
+
+class StopSignals:
+    """Catches Ctrl-C, SIGTERM and SIGUSR1, and SIGUSR2 where the launcher of a job listens to it.
+
+    A signal ends the process at once, by `Stopped`, but for the time of a training: there it is kept in
+    `asked`, for `LastCheckpoint` to save and stop where a training can go on. A second signal does not wait.
+
+    Attributes:
+        asked: the signal that came while it was held back.
+    """
+
+    def __init__(self) -> None:
+        self.asked: int | None = None
+        self._held = False
+        self._before: Mapping[int, Any] = {}
+
+    def __enter__(self) -> "StopSignals":
+        listened = [signal.SIGUSR2] if callable(signal.getsignal(signal.SIGUSR2)) else []  # submitit does
+        self._before = {number: signal.getsignal(number) for number in (*SIGNALS, *listened)}
+        self._listen()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if _in_main_thread():
+            for number, handler in self._before.items():
+                signal.signal(number, handler)
+
+    def hold(self) -> None:
+        """Keep signals in `asked` from now on, those too that Lightning's Trainer took for itself."""
+        self._held = True
+        self._listen()
+
+    def release(self) -> None:
+        """Let signals end the process at once again, and one that came too late to be granted now."""
+        self._held = False
+        self._listen()
+        if self.asked is not None:
+            raise Stopped(self.asked)
+
+    def hand_on(self, signum: int) -> None:
+        """Call who listened to the signal before: submitit's handler puts its job back into the queue."""
+        handler = self._before.get(signum)
+        if callable(handler) and handler is not signal.default_int_handler:
+            handler(signum, None)
+
+    def _listen(self) -> None:
+        if _in_main_thread():  # the only one that may
+            for number in self._before:
+                signal.signal(number, self._receive)
+
+    def _receive(self, signum: int, frame: FrameType | None) -> None:
+        if not self._held or self.asked is not None:
+            raise Stopped(signum)
+        self.asked = signum
+
+
+def _in_main_thread() -> bool:
+    return threading.current_thread() is threading.main_thread()
