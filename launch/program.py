@@ -45,9 +45,8 @@ def launch(config_name: str, run: Run) -> None:
         try:
             given = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
             assert isinstance(given, dict)
-            given.pop(SCRATCH, None)
             with _by_itself(config_name):
-                return run({str(key): value for key, value in given.items()})
+                return run({str(key): value for key, value in given.items() if key != SCRATCH})
         except TakenError as error:
             if HydraConfig.get().mode == RunMode.MULTIRUN:
                 return print(f"left to its process: {error}", flush=True)
@@ -94,7 +93,7 @@ def composed(config_name: str, overrides: Sequence[str]) -> dict[str, Any]:
         compose(config_name, list(overrides)), resolve=True, throw_on_missing=True
     )
     assert isinstance(content, dict)
-    return {str(key): value for key, value in content.items()}
+    return {str(key): value for key, value in content.items() if key != SCRATCH}
 
 
 def _note_failure(folder: Path, reason: str) -> None:

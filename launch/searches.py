@@ -28,6 +28,12 @@ def trials_left(total: int, storage: str, study: str) -> int:
     return int(total) if found is None else max(0, int(total) - len(_trials(found, "COMPLETE")))
 
 
+def trials_begun(storage: str, study: str) -> int:
+    """How many trials a study has, complete or not."""
+    found = _study(storage, study)
+    return 0 if found is None else len(found.get_trials(deepcopy=False))
+
+
 def take_up(hydra: DictConfig) -> None:
     """Let a search begin with the trials that were cut off: in their folders they go on from a checkpoint."""
     if not str(hydra.sweeper._target_).endswith(".OptunaSweeper") or hydra.sweeper.storage is None:
@@ -63,3 +69,4 @@ def _trials(study: Any, state: str) -> list[Any]:
 
 OmegaConf.register_new_resolver("simplex", simplex, replace=True)
 OmegaConf.register_new_resolver("trials_left", trials_left, replace=True)
+OmegaConf.register_new_resolver("trials_begun", trials_begun, replace=True)

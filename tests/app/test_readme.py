@@ -1,5 +1,6 @@
 """Every command of the README is read by the real parser, and runs, made small."""
 
+import importlib.util
 import re
 import shlex
 from collections.abc import Callable
@@ -12,18 +13,21 @@ from tiny_run import TINY, composed
 
 from col3d.app.config import EvaluateOptions, PrepareOptions, TrainOptions, VerifyOptions
 from col3d.app.errors import check_options
-from launch import _as_groups
+from launch.choices import as_groups
 
 README = (PROJECT / "README.md").read_text(encoding="utf-8")
 BASH = "\n".join(re.findall(r"```bash\n(.*?)```", README, flags=re.DOTALL))
 COMMANDS = [shlex.split(line) for line in BASH.splitlines() if line.startswith("python ")]
+MODULES = [command for command in COMMANDS if command[1] == "-m"]
+COMMANDS = [command for command in COMMANDS if command[1] != "-m"]
 OPTIONS = {
     "train.py": TrainOptions,
     "evaluate.py": EvaluateOptions,
     "prepare.py": PrepareOptions,
     "verify.py": VerifyOptions,
 }
-SHORT = [c for c in COMMANDS if c[1] == "train.py" and not any(a.startswith("data=") for a in c)]
+ELSEWHERE = ("data=", "hydra/launcher=slurm")
+SHORT = [c for c in COMMANDS if c[1] == "train.py" and not any(a.startswith(ELSEWHERE) for a in c)]
 
 
 def test_the_readme_names_targets_that_exist() -> None:
@@ -33,6 +37,7 @@ def test_the_readme_names_targets_that_exist() -> None:
 
 
 def test_every_command_is_one_of_ours() -> None:
+    assert all(importlib.util.find_spec(command[2]) for command in MODULES)
     assert {command[1] for command in COMMANDS} == set(OPTIONS)
     assert len(COMMANDS) >= 9
 
@@ -43,7 +48,7 @@ def test_every_command_composes(command: list[str]) -> None:
     if "-m" in command:
         swept = [re.sub(r"^([\w.]+)=([^\[\],]+),.*", r"\1=\2", argument) for argument in arguments]
         arguments = swept
-    arguments = [text for argument in arguments for text in _as_groups(argument)]
+    arguments = [text for argument in arguments for text in as_groups(argument)]
     given = composed(
         script.removesuffix(".py"), *arguments, *(["output_dir=x"] if script == "train.py" else [])
     )

@@ -96,6 +96,19 @@ def test_each_job_of_two_processes_has_one_folder(root: Path, tmp_path: Path) ->
     assert not [path for path in tmp_path.iterdir() if path.name not in ("sweep", "run", "phantom")]
 
 
+def test_jobs_at_a_time_have_the_numbers_of_one_after_the_other(root: Path, tmp_path: Path) -> None:
+    """With workers that load data, which joblib's own way of starting processes would not allow."""
+    one, many = tmp_path / "one", tmp_path / "many"
+    joblib = ["hydra/launcher=joblib", "hydra.launcher.n_jobs=2", "data.workers=1"]
+    for sweep, more in ((one, []), (many, joblib)):
+        answer = call("train.py", *arguments(root, sweep, *more, "seed=0,1"), cwd=tmp_path)
+        assert answer.returncode == 0, answer.stderr
+    found, expected = jobs_of(many, "seed"), jobs_of(one, "seed")
+    for seed in ("0", "1"):
+        assert found[seed].result["best"] == expected[seed].result["best"]
+        assert found[seed].result["metrics"] == expected[seed].result["metrics"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "option"),
     [

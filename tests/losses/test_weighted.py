@@ -112,6 +112,27 @@ def test_before_a_term_counts_its_prediction_has_a_gradient_of_zero(lens: Batch)
     assert all(torch.equal(value.grad, torch.zeros_like(value)) for value in guess.values())
 
 
+def test_a_frame_without_truth_adds_nothing(lens: Batch) -> None:
+    options: dict[str, Any] = {
+        "normals": "l1",
+        "consistency": "rmse",
+        "gradients": "l1",
+        "directions": "cosine",
+    }
+    loss, maps = WeightedLoss([1.0] * 5, depth="l1", **options), {**guess_of(lens)}
+    one: Any = {key: value[:1] for key, value in lens.items()}
+    expected = loss({key: value[:1] for key, value in maps.items()}, one)  # type: ignore[attr-defined]
+    lens["mask"] = lens["mask"] & torch.tensor([True, False])[:, None, None, None]
+    lens["depth"][1] = float("nan")
+    guess: Any = {key: value.requires_grad_() for key, value in maps.items()}  # type: ignore[attr-defined]
+    found = loss(guess, lens)
+    torch.testing.assert_close(found, expected)
+    found["total"].backward()
+    for value in guess.values():
+        assert (value.grad[1] == 0).all()
+        assert (value.grad[0] != 0).any()
+
+
 def test_depth_alone_needs_no_normals(lens: Batch) -> None:
     del lens["normals"]
     found = WeightedLoss([2.0])({"depth": lens["depth"] * 1.3}, lens)

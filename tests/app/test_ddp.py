@@ -1,0 +1,62 @@
+"""Two processes learn what one does with the doubled batch, and score every frame once, to the bit."""
+
+import csv
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from test_launch import call
+from tiny_run import TINY
+
+from col3d.app.train import train
+
+Compose = Callable[..., dict[str, Any]]
+DDP = ["trainer=ddp", "trainer.devices=2", "trainer.accelerator=cpu"]
+FOUR = ["data.split.train=[cecum_t1_a,trans_t1_a:0-0]", "trainer.max_epochs=2", "model=bts"]
+"""Four frames to train on, which two processes share without seeing one twice."""
+TOLERANCE = 0.05
+"""Of losses: each process has statistics of its own batch, and SILog a mean error of its own."""
+
+
+def rows(folder: Path) -> list[dict[str, str]]:
+    with (folder / "metrics.csv").open() as file:
+        return list(csv.DictReader(file))
+
+
+def test_the_losses_are_those_of_the_doubled_batch(tiny: Compose, tmp_path: Path) -> None:
+    train(tiny(*FOUR, "data.batch_size=4"))
+    place = [f"data.root={tiny()['data']['root']}", f"hydra.run.dir={tmp_path / 'both'}"]
+    answer = call("train.py", *TINY, *FOUR, *DDP, "data.batch_size=2", *place, cwd=tmp_path)
+    assert answer.returncode == 0, answer.stderr
+    alone, both = rows(tmp_path / "run"), rows(tmp_path / "both")
+    assert [row["step"] for row in alone] == [row["step"] for row in both]
+    for one, other in zip(alone, both, strict=True):
+        assert one["train/lr"] == other["train/lr"]
+        assert one["train/frames_without_truth"] == other["train/frames_without_truth"]
+        for name in ("train/loss", "val/loss", "val/abs_rel"):
+            assert float(one[name]) == pytest.approx(float(other[name]), rel=TOLERANCE), name
+    summaries = [json.loads((tmp_path / name / "summary.json").read_text()) for name in ("run", "both")]
+    assert summaries[0]["baseline"] == pytest.approx(summaries[1]["baseline"], rel=1e-12)
+    assert "sync_dist" not in answer.stderr
+
+
+def test_the_same_weights_score_the_same(tiny: Compose, tmp_path: Path) -> None:
+    train(tiny("model=bts", "data.batch_size=1"))
+    alone, both = tmp_path / "run", tmp_path / "both"
+    shutil.copytree(alone, both)
+    for name in ("result.json", "summary.json", "per_frame.csv"):
+        (both / name).unlink()
+    options = yaml.safe_load((both / "config.yaml").read_text())
+    options["trainer"] |= {"devices": 2, "strategy": "ddp", "accelerator": "cpu"}
+    (both / "config.yaml").write_text(yaml.safe_dump(options))
+    place = [f"data.root={tiny()['data']['root']}", f"hydra.run.dir={both}"]
+    answer = call("train.py", *TINY, *DDP, "model=bts", "data.batch_size=1", *place, cwd=tmp_path)
+    assert answer.returncode == 0, answer.stderr
+    assert "epoch 1/1" not in answer.stdout
+    assert (both / "per_frame.csv").read_text() == (alone / "per_frame.csv").read_text()
+    found, expected = (json.loads((run / "result.json").read_text())["metrics"] for run in (both, alone))
+    assert found == expected
