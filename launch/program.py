@@ -1,7 +1,10 @@
 """The Hydra side of every entry point: compose, refuse bad input in a line, hand plain values on."""
 
 import os
+import signal
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -26,6 +29,7 @@ from launch.refusals import explain, refuse
 BAD_INPUT = (DataError, UserError, OSError)
 PROCESSES = ("LOCAL_RANK", "NODE_RANK", "WORLD_SIZE", "MASTER_ADDR", "MASTER_PORT")
 """What Lightning tells its other processes, and its own next Trainer."""
+POLL_SECONDS = 1.0
 SCRATCH = "search"
 """Values of a sweeper that others are computed from; no program takes them."""
 Run = Callable[[dict[str, Any]], Any]
@@ -70,6 +74,8 @@ def launch(config_name: str, run: Run) -> None:
 def _by_itself(config_name: str) -> Iterator[None]:
     """Make a job of a sweep look as if it were called alone, which is how Lightning starts more processes."""
     hydra = HydraConfig.get()
+    if str(hydra.launcher._target_).endswith(".JoblibLauncher"):
+        threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
     arguments, folder = sys.argv, hydra.runtime.output_dir
     before = {name: os.environ.get(name) for name in PROCESSES}
     if hydra.mode == RunMode.MULTIRUN:
@@ -85,6 +91,13 @@ def _by_itself(config_name: str) -> Iterator[None]:
             os.environ.pop(name, None)
             if value is not None:
                 os.environ[name] = value
+
+
+def _end_with(launcher: int) -> None:
+    """Ask a job to save and leave when the process that launched it is gone: joblib's workers outlive it."""
+    while os.getppid() == launcher:
+        time.sleep(POLL_SECONDS)
+    os.kill(os.getpid(), signal.SIGTERM)
 
 
 def composed(config_name: str, overrides: Sequence[str]) -> dict[str, Any]:

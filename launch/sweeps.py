@@ -19,8 +19,10 @@ def sweep_of(experiment: str, seeds: Sequence[int]) -> list[list[str]]:
     Raises:
         UserError: there is no such experiment, or it sweeps over nothing.
     """
-    files = {path.stem: path for path in (CONF / "experiment").glob("*.yaml")}
-    sweeping = {name: OmegaConf.select(OmegaConf.load(path), SWEPT) for name, path in files.items()}
+    files = {path.stem: OmegaConf.load(path) for path in (CONF / "experiment").glob("*.yaml")}
+    sweeping = {
+        name: OmegaConf.select(content, SWEPT) for name, content in files.items() if "search" not in content
+    }
     known = [name for name, params in sorted(sweeping.items()) if params]
     if experiment not in known:
         raise UserError(

@@ -5,7 +5,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,9 +15,12 @@ import torch
 from col3d.app.config import TrainOptions
 from col3d.app.errors import check_options
 from col3d.app.frames import data_module, settled
+from col3d.app.provenance import command
 from col3d.app.run_folder import RunFolder
 from col3d.app.truth import keep_truth
+from col3d.callbacks import StopSignals
 from col3d.checks import UserError
+from col3d.reports.jobs import add_to_plan, is_locked, read_job
 
 
 @dataclass(frozen=True)
@@ -65,59 +68,66 @@ def run_benchmark(jobs: Sequence[Job], train: Path, output: Path, parallel: int 
         UserError: a folder holds a run of other options, or every job failed.
     """
     jobs = distinct(jobs)
+    add_to_plan(output / "runs", {job.folder.name: job.overrides for job in jobs}, command().split())
     waiting = [job for job in jobs if not RunFolder(job.options).finished]
     print(f"{len(jobs)} runs, {len(jobs) - len(waiting)} of them finished before", flush=True)
     if waiting:  # rendered once, before several jobs want it
         first = jobs[0].options
         data_module(first.data, first.phantom, first.seed)
-    failed = _run_all(waiting, train, parallel or (1 if torch.cuda.is_available() else 2))
+    with StopSignals():
+        _run_all(waiting, train, parallel or (1 if torch.cuda.is_available() else 2))
+    states = [(job, read_job(job.folder).state) for job in jobs]
+    failed = [job for job, state in states if state not in ("done", "running")]
     if len(failed) == len(jobs):
         raise UserError(f"all {len(jobs)} runs failed; the first says: {_last_line(failed[0])}")
+    if elsewhere := [job.folder.name for job, state in states if state == "running"]:
+        raise UserError(
+            f"another process still trains {', '.join(elsewhere)}; the same command reports when it is done"
+        )
     keep_truth(output / "truth", jobs[0].options)
     subprocess.run([sys.executable, "-m", "col3d.reports", str(output), str(output / "report")], check=True)
     if failed:
         raise UserError("\n".join(f"failed: {job.folder}: {_last_line(job)}" for job in failed))
 
 
-def _run_all(jobs: Sequence[Job], train: Path, parallel: int) -> list[Job]:
-    """Run them all, and return those that failed."""
-    failed: list[Job] = []
+def _run_all(jobs: Sequence[Job], train: Path, parallel: int) -> None:
+    """Run them all; what ends this process early ends them, too, once they have saved."""
     start, done = time.monotonic(), 0
     threads = str(max(1, (os.cpu_count() or 1) // parallel))
+    processes: list[subprocess.Popen[bytes]] = []
     with ThreadPoolExecutor(parallel) as pool:
-        running = {pool.submit(_run, job, train, threads): job for job in jobs}
+        running = {pool.submit(_run, job, train, threads, processes): job for job in jobs}
         try:
             while running:
                 finished, _ = wait(running, return_when=FIRST_COMPLETED)
                 for future in finished:
                     job, done = running.pop(future), done + 1
-                    outcome = "done" if future.result() == 0 else "FAILED"
-                    failed += [job] if outcome == "FAILED" else []
                     left = _clock((time.monotonic() - start) / done * (len(jobs) - done))
-                    line = f"run {done} of {len(jobs)} {outcome}, {left} left: {job.folder.name}"
+                    line = f"run {done} of {len(jobs)} {future.result()}, {left} left: {job.folder.name}"
                     print(line, flush=True)
         except BaseException:
-            _abandon(running)
+            for future in running:
+                future.cancel()
+            for process in processes:
+                process.terminate()
             raise
-    return failed
 
 
-def _abandon(running: Mapping["Future[int]", Job]) -> None:
-    for future in running:
-        future.cancel()
-
-
-def _run(job: Job, train: Path, threads: str) -> int:
-    """Run a job with its output in `log.txt`; its exit code."""
+def _run(job: Job, train: Path, threads: str, processes: "list[subprocess.Popen[bytes]]") -> str:
+    """Run a job with its output in `log.txt`, in a session of its own, which Ctrl-C does not reach."""
+    if is_locked(job.folder):
+        return "left to another process"
     job.folder.mkdir(parents=True, exist_ok=True)
     with (job.folder / "log.txt").open("w", encoding="utf-8") as log:
-        return subprocess.run(
+        process = subprocess.Popen(
             [sys.executable, str(train), *job.overrides, f"hydra.run.dir={job.folder}"],
             env={**os.environ, "OMP_NUM_THREADS": threads},
             stdout=log,
             stderr=subprocess.STDOUT,
-            check=False,
-        ).returncode
+            start_new_session=True,
+        )
+        processes.append(process)
+        return "done" if process.wait() == 0 else "FAILED"
 
 
 def _last_line(job: Job) -> str:
