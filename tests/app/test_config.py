@@ -209,3 +209,11 @@ def test_no_option_is_without_effect() -> None:
     }  # handed on as they are
     for name in set(names(TrainOptions)) - spread_whole - {"preset"}:
         assert f".{name}" in code or f'"{name}"' in code, name
+
+
+def test_an_objective_is_one_that_the_model_measures() -> None:
+    assert checked("objective=[val/abs_rel,val/angle_mean]").objective == ["val/abs_rel", "val/angle_mean"]
+    with pytest.raises(
+        UserError, match=r"objective: val/angle_mean is not measured with model=bts; there are"
+    ):
+        checked("model=bts", "objective=[val/angle_mean]")

@@ -30,7 +30,6 @@ def test_weightings_add_up_to_1_and_are_uniform() -> None:
 
 def test_the_experiment_is_one_of_ours() -> None:
     given = composed("train", "experiment=lambda_search", "search.u=0.25", "search.v=0.5", "output_dir=x")
-    del given["search"]
     assert check_options(TrainOptions, given).loss.lambdas == [0.5, 0.25, 0.25]
 
 

@@ -8,7 +8,7 @@ import pytest
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-import launch  # noqa: F401  registers the resolvers of the configuration
+from launch.program import SCRATCH  # and the resolvers of the configuration
 
 CONF = Path(__file__).parents[2] / "conf"
 TINY = (
@@ -33,7 +33,7 @@ def composed(config_name: str, *overrides: str) -> dict[str, Any]:
         config = compose(config_name, list(overrides))
     content = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
     assert isinstance(content, dict)
-    return {str(key): value for key, value in content.items()}
+    return {str(key): value for key, value in content.items() if key != SCRATCH}
 
 
 def real_frames(folder: str) -> Path:

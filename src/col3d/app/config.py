@@ -12,6 +12,8 @@ from pydantic import (
     model_validator,
 )
 
+from col3d.reports.per_frame import DEPTH_METRICS, NORMAL_METRICS
+
 Split = Literal["train", "val", "test"]
 Weight = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Probability = Annotated[float, Field(ge=0, le=1)]
@@ -338,6 +340,13 @@ class TrainOptions(Options):
             )
         if self.task.name == "adversarial":
             self._adversarial_fits()
+        normals = () if model.normals == "none" else NORMAL_METRICS
+        measured = [f"val/{name}" for name in ("loss", *DEPTH_METRICS, *normals)]
+        if unknown := [name for name in self.objective if name not in measured]:
+            raise ValueError(
+                f"objective: {', '.join(unknown)} is not measured with model={model.name}; there are "
+                f"{', '.join(measured)}"
+            )
         if not any(loss.lambdas):
             raise ValueError(f"loss.lambdas: at least one weight must be above 0, got {loss.lambdas}")
         if "normals" in loss.terms and self.data.normals == "none":
