@@ -213,7 +213,5 @@ def test_no_option_is_without_effect() -> None:
 
 def test_an_objective_is_one_that_the_model_measures() -> None:
     assert checked("objective=[val/abs_rel,val/angle_mean]").objective == ["val/abs_rel", "val/angle_mean"]
-    with pytest.raises(
-        UserError, match=r"val/angle_mean is not measured with model=bts; there are"
-    ):
+    with pytest.raises(UserError, match=r"val/angle_mean is not measured with model=bts; there are"):
         checked("model=bts", "objective=[val/angle_mean]")

@@ -188,3 +188,26 @@ def test_a_run_that_was_moved_goes_on(tiny: Compose, tmp_path: Path, monkeypatch
     (tmp_path / "before").rename(tmp_path / "after")
     train(options(tiny, tmp_path / "after"))
     assert_the_same(tmp_path / "after", tmp_path / "whole")
+
+
+def test_an_epoch_of_some_of_its_batches_ends_where_it_ends(
+    tiny: Compose, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The next one begins at its own first batch, cut off between them or not."""
+
+    class PowerCutError(Exception):
+        pass
+
+    def cut(task: SupervisedTask, batch: Any, batch_idx: int) -> None:
+        if task.current_epoch == 1:
+            raise PowerCutError
+
+    some = ["callbacks.checkpoint_minutes=60", "trainer.limit_train_batches=2", "model=bts"]
+    train(options(tiny, tmp_path / "whole", *some))
+    with monkeypatch.context() as patched:
+        patched.setattr(SupervisedTask, "on_train_batch_start", cut)
+        with pytest.raises(PowerCutError):
+            train(options(tiny, tmp_path / "cut", *some))
+    assert status_of(tmp_path / "cut")["state"] == "failed"
+    train(options(tiny, tmp_path / "cut", *some))
+    assert_the_same(tmp_path / "cut", tmp_path / "whole")

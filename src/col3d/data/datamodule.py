@@ -115,8 +115,8 @@ class ResumableLoader(DataLoader[Any]):
             yield batch
 
     def state_dict(self) -> dict[str, int]:
-        """How many batches of the epoch it has given; 0 when it has given all."""
-        return {"batches": self._given % len(self)}
+        """How many batches of the epoch it has given."""
+        return {"batches": self._given}
 
     def load_state_dict(self, state: Mapping[str, int]) -> None:
         """Pass over as many in the next epoch."""
@@ -191,8 +191,11 @@ class FrameDataModule(LightningDataModule):
         return self._train_loader
 
     def state_dict(self) -> dict[str, Any]:
-        """The place in the epoch; Lightning keeps it in checkpoints."""
-        return self._position if self._train_loader is None else self._train_loader.state_dict()
+        """The place in the epoch, for checkpoints: 0 when the epoch has seen all its batches."""
+        if self._train_loader is None:
+            return self._position
+        limit = len(self._train_loader) if self.trainer is None else self.trainer.num_training_batches
+        return {"batches": self._train_loader.state_dict()["batches"] % int(limit)}
 
     def load_state_dict(self, state_dict: dict[str, Any]) -> None:
         """Go on from there: what loaders keep by themselves is loaded too late, once they iterate."""
