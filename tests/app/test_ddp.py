@@ -2,17 +2,23 @@
 
 import csv
 import json
+import os
 import shutil
+import subprocess
+import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+import torch
 import yaml
-from test_launch import call
+from test_launch import PROJECT, call
 from tiny_run import TINY
 
 from col3d.app.train import train
+from col3d.reports.jobs import read_plain
 
 Compose = Callable[..., dict[str, Any]]
 DDP = ["trainer=ddp", "trainer.devices=2", "trainer.accelerator=cpu"]
@@ -60,3 +66,34 @@ def test_the_same_weights_score_the_same(tiny: Compose, tmp_path: Path) -> None:
     assert (both / "per_frame.csv").read_text() == (alone / "per_frame.csv").read_text()
     found, expected = (json.loads((run / "result.json").read_text())["metrics"] for run in (both, alone))
     assert found == expected
+
+
+def test_both_save_and_leave_and_go_on_to_the_same_weights(tiny: Compose, tmp_path: Path) -> None:
+    train(tiny("model=bts"))  # renders
+    root = tiny()["data"]["root"]
+
+    def command(name: str) -> list[str]:
+        place = [f"data.root={root}", f"hydra.run.dir={tmp_path / name}"]
+        return ["train.py", *TINY, *DDP, "model=bts", "trainer.max_epochs=8", "data.batch_size=1", *place]
+
+    assert call(*command("whole"), cwd=tmp_path).returncode == 0
+    script, *arguments = command("cut")
+    process = subprocess.Popen(
+        [sys.executable, str(PROJECT / script), *arguments],
+        cwd=tmp_path,
+        env={**os.environ, "OMP_NUM_THREADS": "1"},
+        stdout=subprocess.DEVNULL,
+    )
+    while read_plain(tmp_path / "cut" / "status.json").get("epoch", 0) < 2:
+        time.sleep(0.05)
+    process.terminate()
+    assert process.wait() == 143
+    assert read_plain(tmp_path / "cut" / "status.json")["state"] == "preempted"
+    assert call(*command("cut"), cwd=tmp_path).returncode == 0
+    found, expected = (
+        torch.load(tmp_path / name / "checkpoints" / "last.ckpt", weights_only=True)["state_dict"]
+        for name in ("cut", "whole")
+    )
+    assert all(torch.equal(found[name], expected[name]) for name in expected)
+    for name in ("metrics.csv", "per_frame.csv"):
+        assert (tmp_path / "cut" / name).read_text() == (tmp_path / "whole" / name).read_text()

@@ -17,6 +17,7 @@ from col3d.app.evaluate import evaluate
 from col3d.app.train import train
 from col3d.callbacks import EpochLines
 from col3d.checks import DataError, UserError
+from col3d.geometry.camera_file import camera_from_plain
 from col3d.losses import weighted
 from col3d.reports.per_frame import DEPTH_METRICS, IDENTITY, METRICS, means, read_per_frame
 
@@ -72,7 +73,15 @@ def test_checkpoints_hold_plain_values_and_score_the_same_again(tiny: Compose, t
     train(tiny())
     run = tmp_path / "run"
     for name in ("best", "last"):
-        torch.load(run / "checkpoints" / f"{name}.ckpt", weights_only=True)
+        content = torch.load(run / "checkpoints" / f"{name}.ckpt", weights_only=True)
+        about, options = content["about"], content["hyper_parameters"]["options"]
+        assert set(about["release"]) == {"cecum_t1_a", "trans_t1_a", "desc_t4_a"}
+        assert set(about["release"].values()) == {"current"}
+        assert [camera_from_plain(camera).size_hw for camera in about["cameras"]] == [(64, 80)]
+        assert about["split"]["test"] == options["data"]["split"]["test"] == ["desc_t4_a", "trans_t1_a:2-2"]
+        assert 0 < about["metrics"]["val/abs_rel"] < 100
+        assert set(about["versions"]) >= {"torch", "lightning", "col3d"}
+        assert "commit" in about
     checkpoint = run / "checkpoints" / "best.ckpt"
     score(checkpoint)
     again, before = (read_per_frame(f / "per_frame.csv") for f in (run / "evaluation_test", run))
