@@ -28,6 +28,14 @@ def test_frames_weigh_the_same() -> None:
     assert {name: found[name] for name in FACTS} == FACTS
 
 
+def test_frames_without_truth_are_counted_and_said() -> None:
+    text = io.StringIO()
+    assert summarise(ROWS, FACTS)["frames_without_truth"] == 1
+    assert summarise(ROWS[:3], FACTS)["frames_without_truth"] == 0
+    print_summary(summarise(ROWS, FACTS), Console(file=text, width=200))
+    assert "1 of 4 frames have no valid depth" in text.getvalue()
+
+
 def test_json_there_and_back(tmp_path: Path) -> None:
     content = summarise(ROWS, FACTS)
     write_json(tmp_path / "summary.json", content)

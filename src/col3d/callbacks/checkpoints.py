@@ -76,6 +76,10 @@ class LastCheckpoint(Checkpoint):
         """All is saved: signals need not wait any more."""
         self.stop.release()
 
+    def on_test_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Nothing is to be saved in a test either, whose signals the Trainer took for itself."""
+        self.stop.release()
+
     def on_save_checkpoint(
         self, trainer: Trainer, pl_module: LightningModule, checkpoint: dict[str, Any]
     ) -> None:

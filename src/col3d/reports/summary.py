@@ -44,6 +44,7 @@ def summarise(rows: Sequence[Row], facts: Mapping[str, Any], average: str = "fra
         **facts,
         "average": average,
         "frames": len(rows),
+        "frames_without_truth": sum(row.get("abs_rel", "") == "" for row in rows),
         "metrics": means(rows, average),
         "videos": videos,
     }
@@ -73,6 +74,8 @@ def print_summary(summary: Mapping[str, Any], console: Console | None = None) ->
     console.print(_table(f"Depth: {title}", DEPTH_METRICS, summary))
     if NORMAL_METRICS[0] in summary["metrics"]:
         console.print(_table(f"Normals: {title}", NORMAL_METRICS, summary))
+    if empty := summary.get("frames_without_truth"):
+        console.print(f"{empty} of {summary['frames']} frames have no valid depth, and count in no mean")
 
 
 def _table(title: str, metrics: Sequence[str], summary: Mapping[str, Any]) -> Table:
