@@ -6,7 +6,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -118,5 +118,6 @@ def _note_failure(folder: Path, reason: str) -> None:
 
 def _drop_if_empty(folder: Path) -> None:
     """Leave no folder behind for a job that never began."""
-    if folder != Path.cwd() and folder.is_dir() and not any(folder.iterdir()):
-        folder.rmdir()
+    with suppress(OSError):  # it holds something, or may not be written to
+        if folder != Path.cwd():
+            folder.rmdir()

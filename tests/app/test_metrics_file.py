@@ -2,8 +2,12 @@
 
 import csv
 from pathlib import Path
+from typing import Any
+from unittest.mock import Mock
 
-from col3d.app.metrics_file import MetricsFile
+from lightning import LightningModule, Trainer
+
+from col3d.app.metrics_file import ROWS, MetricsFile, RowsInCheckpoints
 
 
 def rows_of(path: Path) -> list[dict[str, str]]:
@@ -27,15 +31,18 @@ def test_all_that_is_logged_of_an_epoch_is_one_row(tmp_path: Path) -> None:
 
 def test_epochs_after_the_checkpoint_are_logged_again(tmp_path: Path) -> None:
     before = MetricsFile(tmp_path / "metrics.csv")
+    callback, checkpoint = RowsInCheckpoints(before), dict[str, Any]()
     for epoch in range(4):
         before.log_metrics({"epoch": epoch, "train/loss": epoch + 0.1}, epoch)
+        if epoch == 1:
+            callback.on_save_checkpoint(Mock(spec=Trainer), Mock(spec=LightningModule), checkpoint)
     before.save()
-    after = MetricsFile(tmp_path / "metrics.csv", epochs=2)
+    after = MetricsFile(tmp_path / "metrics.csv", checkpoint[ROWS])
     after.log_metrics({"epoch": 2, "train/loss": 9.0}, 2)
     after.save()
     assert [(row["epoch"], row["train/loss"]) for row in rows_of(after.path)] == [
         ("0", "0.1"), ("1", "1.1"), ("2", "9.0"),
     ]  # fmt: skip
-    anew = MetricsFile(tmp_path / "metrics.csv", epochs=0)
+    anew = MetricsFile(tmp_path / "metrics.csv")
     anew.save()
     assert rows_of(anew.path) == []

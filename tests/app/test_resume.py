@@ -31,8 +31,9 @@ def nursery(tmp_path: Path) -> Iterator[Nursery]:
 
 
 def options(tiny: Compose, folder: Path, *overrides: str) -> dict[str, Any]:
+    place = (f"output_dir={folder}", f"trainer.max_epochs={EPOCHS}")
     return tiny(
-        f"trainer.max_epochs={EPOCHS}", "callbacks.checkpoint_minutes=0", f"output_dir={folder}", *overrides
+        "model=bts_cbam_mtl", "callbacks.checkpoint_minutes=0", "callbacks.panels=0", *place, *overrides
     )
 
 
@@ -202,7 +203,7 @@ def test_an_epoch_of_some_of_its_batches_ends_where_it_ends(
         if task.current_epoch == 1:
             raise PowerCutError
 
-    some = ["callbacks.checkpoint_minutes=60", "trainer.limit_train_batches=2", "model=bts"]
+    some = ["callbacks.checkpoint_minutes=60", "trainer.limit_train_batches=2"]
     train(options(tiny, tmp_path / "whole", *some))
     with monkeypatch.context() as patched:
         patched.setattr(SupervisedTask, "on_train_batch_start", cut)

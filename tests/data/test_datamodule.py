@@ -1,5 +1,9 @@
 """Loaders: each frame once where it is counted, and orders that differ by epoch and come back."""
 
+import multiprocessing
+import signal
+import subprocess
+import sys
 from collections import Counter
 from types import SimpleNamespace
 from typing import Any
@@ -165,3 +169,26 @@ def test_the_epoch_is_told_after_the_loader_has_begun(item: dict[str, Any]) -> N
     loader.batch_sampler.sampler.set_epoch(5)  # type: ignore[union-attr]
     found = [number for batch in batches for number in batch["frame"].tolist()]
     assert found == order(module_of(item).train_dataloader(), epoch=5)
+
+
+def test_workers_outlive_the_signals_that_tell_a_training_to_save(item: dict[str, Any]) -> None:
+    module = module_of(item)
+    module.workers = 2
+    loader = module.train_dataloader()
+    batches = iter(loader)
+    first = next(batches)
+    workers = multiprocessing.active_children()
+    assert len(workers) >= 2
+    for number in (signal.SIGTERM, signal.SIGUSR1, signal.SIGINT):
+        script = (
+            "import os, sys; [os.kill(int(p), int(sys.argv[1])) for p in sys.argv[2:]]"  # not their parent
+        )
+        pids = [str(worker.pid) for worker in workers]
+        subprocess.run([sys.executable, "-c", script, str(int(number)), *pids], check=True)
+    rest = [number for batch in batches for number in batch["frame"].tolist()]
+    assert sorted(first["frame"].tolist() + rest) == list(range(11))
+    assert all(worker.is_alive() for worker in workers)
+    for worker in workers:
+        worker.terminate()  # by their parent
+        worker.join(timeout=20)
+        assert worker.exitcode == 0

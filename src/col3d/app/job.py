@@ -86,7 +86,8 @@ def locked(folder: Path) -> Iterator[None]:
     try:
         yield
     finally:
-        path.unlink(missing_ok=True)
+        with suppress(OSError):  # a disk that became read-only; what went wrong has been said
+            path.unlink()
         os.close(descriptor)
         for parent in made:
             with suppress(OSError):  # a run has begun in it

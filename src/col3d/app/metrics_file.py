@@ -1,30 +1,30 @@
 """metrics.csv: all that was logged of an epoch in a row."""
 
 import csv
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from lightning import Callback, LightningModule, Trainer
 from lightning.pytorch.loggers import Logger
 from lightning.pytorch.utilities.rank_zero import rank_zero_only
+
+ROWS = "rows"
+"""Where checkpoints keep the rows of the epochs before."""
 
 
 class MetricsFile(Logger):
     """Rows by epoch, written in one step whenever a checkpoint is.
 
     Args:
-        path: of the file; a training that goes on keeps the rows of the epochs it has done.
-        epochs: how many it has done.
+        path: of the file.
+        rows: of the epochs that a training which goes on has behind it.
     """
 
-    def __init__(self, path: Path, epochs: int = 0) -> None:
+    def __init__(self, path: Path, rows: Sequence[Mapping[str, Any]] = ()) -> None:
         super().__init__()
         self.path = path
-        self.rows: dict[int, dict[str, Any]] = {}
-        if epochs and path.is_file():
-            with path.open(newline="", encoding="utf-8") as file:
-                rows = {int(row["epoch"]): row for row in csv.DictReader(file)}
-            self.rows = {epoch: _filled(row) for epoch, row in rows.items() if epoch < epochs}
+        self.rows: dict[int, dict[str, Any]] = {int(row["epoch"]): dict(row) for row in rows}
 
     @property
     def name(self) -> str:
@@ -64,8 +64,21 @@ class MetricsFile(Logger):
             self.save()
 
 
-def _filled(row: Mapping[str, str]) -> dict[str, str]:
-    return {name: value for name, value in row.items() if value}
+class RowsInCheckpoints(Callback):
+    """Keeps the rows in every checkpoint: what lies in the file may be of epochs that are to be done again.
+
+    Args:
+        table: whose rows.
+    """
+
+    def __init__(self, table: MetricsFile) -> None:
+        self.table = table
+
+    def on_save_checkpoint(
+        self, trainer: Trainer, pl_module: LightningModule, checkpoint: dict[str, Any]
+    ) -> None:
+        """Add them."""
+        checkpoint[ROWS] = [dict(row) for row in self.table.rows.values()]
 
 
 def _place(name: str) -> tuple[int, str]:

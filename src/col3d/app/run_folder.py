@@ -11,6 +11,7 @@ import yaml
 
 from col3d.app.checkpoints import DamagedError, read_checkpoint
 from col3d.app.config import TrainOptions
+from col3d.app.metrics_file import ROWS
 from col3d.callbacks import BestCheckpoint
 from col3d.checks import UserError
 from col3d.reports.jobs import RESULT, STATUS, read_plain
@@ -33,7 +34,7 @@ class RunFolder:
     Attributes:
         finished: what result.json says of the finished run of these options.
         cut_off: the checkpoint to go on from.
-        epochs: how many epochs it has behind it.
+        rows: of metrics.csv, of the epochs that it has behind it.
 
     Raises:
         UserError: the folder holds something else: the run of other options, while overwrite is not set, or
@@ -44,7 +45,7 @@ class RunFolder:
         self.options, self.path = options, Path(options.output_dir)
         self.finished: dict[str, Any] = {}
         self.cut_off: Path | None = None
-        self.epochs = 0
+        self.rows: list[dict[str, Any]] = []
         if (self.path / CHECKPOINTS).exists() and not (self.path / CONFIG).is_file():
             raise UserError(f"{self.path} holds {CHECKPOINTS} of something else; give another hydra.run.dir")
         if not options.overwrite:
@@ -61,7 +62,9 @@ class RunFolder:
         else:
             print(f"goes on from {self.cut_off}", flush=True)
         partial = self.path / f"{CONFIG}.partial"
-        partial.write_text(yaml.safe_dump(self.options.model_dump(), sort_keys=False), encoding="utf-8")
+        partial.write_text(
+            yaml.safe_dump(self.options.model_dump(mode="json"), sort_keys=False), encoding="utf-8"
+        )
         partial.replace(self.path / CONFIG)
 
     def finish(self, best: dict[str, float], metrics: dict[str, float], seconds: float) -> None:
@@ -71,17 +74,17 @@ class RunFolder:
 
     def _look(self) -> None:
         result = read_plain(self.path / RESULT)
+        if result.get("hash") == hash_of(self.options):
+            self.finished = result
+            return
         checkpoint, content = (None, {}) if result else self._last_checkpoint()
-        if (result or checkpoint) and (changed := self._changes()):
+        if (result or checkpoint) and (changed := self._changes(content)):
             raise UserError(
                 f"{self.path} holds a run with another {', '.join(changed)}; "
                 "give overwrite=true to replace it, or another hydra.run.dir"
             )
-        if result.get("hash") == hash_of(self.options):
-            self.finished = result
-        elif checkpoint is not None:
-            self.cut_off = checkpoint
-            self.epochs = int(content["loops"]["fit_loop"]["epoch_progress"]["current"]["processed"])
+        if checkpoint is not None:
+            self.cut_off, self.rows = checkpoint, content[ROWS]
 
     def _last_checkpoint(self) -> tuple[Path | None, dict[str, Any]]:
         """The newest checkpoint that is whole, if the best that it speaks of is, too."""
@@ -111,11 +114,15 @@ class RunFolder:
         except (OSError, zipfile.BadZipFile):
             return False
 
-    def _changes(self) -> list[str]:
+    def _changes(self, content: dict[str, Any]) -> list[str]:
         """Options that differ from those of the run in this folder, and matter."""
-        config = self.path / CONFIG
-        before = yaml.safe_load(config.read_text(encoding="utf-8")) if config.is_file() else None
-        return _differing(before or {}, self.options.model_dump())
+        try:
+            before = yaml.safe_load((self.path / CONFIG).read_text(encoding="utf-8"))
+        except (OSError, ValueError, yaml.YAMLError):
+            before = None
+        if not isinstance(before, dict):  # lost; the checkpoint holds them, too
+            before = content.get("hyper_parameters", {}).get("options", {})
+        return _differing(before, self.options.model_dump(mode="json"))
 
 
 def hash_of(options: TrainOptions) -> str:

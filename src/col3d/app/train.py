@@ -4,7 +4,8 @@ import logging
 import math
 import sys
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from col3d.app.cost import measure_cost
 from col3d.app.errors import check_options
 from col3d.app.frames import data_module, settled
 from col3d.app.job import JobStatus, locked, reported
-from col3d.app.metrics_file import MetricsFile
+from col3d.app.metrics_file import MetricsFile, RowsInCheckpoints
 from col3d.app.provenance import provenance
 from col3d.app.rank import end_with_first, is_first
 from col3d.app.results import Results, facts_of
@@ -113,8 +114,9 @@ def _run(options: TrainOptions, folder: RunFolder, stop: StopSignals, status: Jo
         folder.begin()
     status.write("running")
     with wandb_run(options, folder.path) as loggers:
-        loggers.append(MetricsFile(folder.path / "metrics.csv", folder.epochs))
-        _fit_and_test(options, folder, frames, task, scored, loggers, stop, status)
+        table = MetricsFile(folder.path / "metrics.csv", folder.rows)
+        loggers.append(table)
+        _fit_and_test(options, folder, frames, task, scored, loggers, RowsInCheckpoints(table), stop, status)
 
 
 def _fit_and_test(
@@ -124,6 +126,7 @@ def _fit_and_test(
     task: SupervisedTask,
     scored: Scored,
     loggers: list[Logger],
+    rows: Callback,
     stop: StopSignals,
     status: JobStatus,
 ) -> None:
@@ -145,28 +148,37 @@ def _fit_and_test(
     about = About({**provenance(), **data.about(), "split": options.data.split.model_dump()})
     trainer = make_trainer(
         options.trainer,
-        [about, best, last, *watchers, *results.callbacks, *kept],
+        [about, rows, best, last, *watchers, *results.callbacks, *kept],
         loggers,
         adversarial=options.task.name == "adversarial",
     )
-    try:
+    with _in_a_line():
         trainer.fit(task, datamodule=data, ckpt_path=folder.cut_off, weights_only=True)
-    except DivergedError as error:
-        raise UserError(str(error)) from None
-    except RuntimeError as error:
-        if "DataLoader worker" in str(error):
-            raise UserError(f"data.workers: {_last_line(error)}; the same command goes on") from None
-        raise
     if best.best_model_score is None:
         raise UserError(f"{WATCHED} was never finite: nothing to evaluate; lower optimizer.lr")
     epoch = build.load_weights(task, best.path)
-    trainer.test(task, datamodule=data, verbose=False)
+    with _in_a_line():
+        trainer.test(task, datamodule=data, verbose=False)
     if trainer.is_global_zero:
         height, width = options.data.size
         cost = measure_cost(task.network, (height, width))
         found = {**best.metrics, "epoch": epoch}
         summary = results.write(task, best.path, found, loggers, cost)
         folder.finish(found, summary["metrics"], status.seconds)
+
+
+@contextmanager
+def _in_a_line() -> Iterator[None]:
+    """What goes wrong in a training without being a fault of the program."""
+    try:
+        yield
+    except DivergedError as error:
+        raise UserError(str(error)) from None
+    except RuntimeError as error:
+        if "DataLoader worker" in str(error):
+            last = str(error).strip().splitlines()[-1].rstrip(".")
+            raise UserError(f"data.workers: {last}; the same command goes on") from None
+        raise
 
 
 def _kept_predictions(options: TrainOptions, folder: Path) -> list[Callback]:
@@ -239,7 +251,3 @@ def _plugins() -> list[Any]:
     """Checkpoints that are whole or not there; on a cluster, no requeueing by Lightning."""
     cluster = [SLURMEnvironment(auto_requeue=False)] if SLURMEnvironment.detect() else []
     return [CheckpointFiles(), *cluster]
-
-
-def _last_line(error: Exception) -> str:
-    return str(error).strip().splitlines()[-1]
