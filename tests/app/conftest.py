@@ -3,7 +3,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tiny_run import TINY, composed
+from tiny_run import SMALL, TINY, composed
 
 
 @pytest.fixture(scope="session")
@@ -17,7 +17,8 @@ def tiny(phantom_root: Path, tmp_path: Path) -> Callable[..., dict[str, Any]]:
 
     def compose_tiny(*overrides: str) -> dict[str, Any]:
         place = (f"data.root={phantom_root}", f"output_dir={tmp_path / 'run'}")
-        return composed("train", *TINY, *place, *overrides)
+        encoder = () if any(override.startswith("model=") for override in overrides) else (SMALL,)
+        return composed("train", *TINY, *encoder, *place, *overrides)
 
     return compose_tiny
 

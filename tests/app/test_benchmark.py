@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from test_launch import PROJECT, call
-from tiny_run import TINY, composed
+from tiny_run import SMALL, TINY, composed
 
 from col3d.app.benchmark import Job, distinct, make_job, run_benchmark
 from col3d.checks import UserError
@@ -69,9 +69,9 @@ def test_jobs_are_run_once_and_reported_and_one_that_fails_is_named(
         return make_job(asked, composed("train", *asked, f"output_dir={output / 'runs' / name}"))
 
     jobs = [
-        job("bts", "model=bts"),
-        job("bts_again", "model=bts"),
-        job("bad", "model=bts", "optimizer.lr=1e30"),
+        job("bts", "model=bts", SMALL),
+        job("bts_again", "model=bts", SMALL),
+        job("bad", "model=bts", SMALL, "optimizer.lr=1e30"),
     ]
     with pytest.raises(UserError, match=r"failed: .*/runs/bad: error: .*optimizer\.lr"):
         run_benchmark(jobs, PROJECT / "train.py", output, parallel=2)

@@ -15,14 +15,14 @@ import pytest
 import torch
 import yaml
 from test_launch import PROJECT, call
-from tiny_run import TINY
+from tiny_run import SMALL, TINY
 
 from col3d.app.train import train
 from col3d.reports.jobs import read_plain
 
 Compose = Callable[..., dict[str, Any]]
 DDP = ["trainer=ddp", "trainer.devices=2", "trainer.accelerator=cpu"]
-FOUR = ["data.split.train=[cecum_t1_a,trans_t1_a:0-0]", "trainer.max_epochs=2", "model=bts"]
+FOUR = ["data.split.train=[cecum_t1_a,trans_t1_a:0-0]", "trainer.max_epochs=2", "model=bts", SMALL]
 """Four frames to train on, which two processes share without seeing one twice."""
 TOLERANCE = 0.05
 """Of losses: each process has statistics of its own batch, and SILog a mean error of its own."""
@@ -51,7 +51,7 @@ def test_the_losses_are_those_of_the_doubled_batch(tiny: Compose, tmp_path: Path
 
 
 def test_the_same_weights_score_the_same(tiny: Compose, tmp_path: Path) -> None:
-    train(tiny("model=bts", "data.batch_size=1"))
+    train(tiny("model=bts", SMALL, "data.batch_size=1"))
     alone, both = tmp_path / "run", tmp_path / "both"
     shutil.copytree(alone, both)
     for name in ("result.json", "summary.json", "per_frame.csv"):
@@ -60,7 +60,7 @@ def test_the_same_weights_score_the_same(tiny: Compose, tmp_path: Path) -> None:
     options["trainer"] |= {"devices": 2, "strategy": "ddp", "accelerator": "cpu"}
     (both / "config.yaml").write_text(yaml.safe_dump(options))
     place = [f"data.root={tiny()['data']['root']}", f"hydra.run.dir={both}"]
-    answer = call("train.py", *TINY, *DDP, "model=bts", "data.batch_size=1", *place, cwd=tmp_path)
+    answer = call("train.py", *TINY, *DDP, "model=bts", SMALL, "data.batch_size=1", *place, cwd=tmp_path)
     assert answer.returncode == 0, answer.stderr
     assert "epoch 1/1" not in answer.stdout
     assert (both / "per_frame.csv").read_text() == (alone / "per_frame.csv").read_text()
@@ -69,12 +69,21 @@ def test_the_same_weights_score_the_same(tiny: Compose, tmp_path: Path) -> None:
 
 
 def test_both_save_and_leave_and_go_on_to_the_same_weights(tiny: Compose, tmp_path: Path) -> None:
-    train(tiny("model=bts"))  # renders
+    train(tiny("model=bts", SMALL))  # renders
     root = tiny()["data"]["root"]
 
     def command(name: str) -> list[str]:
         place = [f"data.root={root}", f"hydra.run.dir={tmp_path / name}"]
-        return ["train.py", *TINY, *DDP, "model=bts", "trainer.max_epochs=8", "data.batch_size=1", *place]
+        return [
+            "train.py",
+            *TINY,
+            *DDP,
+            "model=bts",
+            SMALL,
+            "trainer.max_epochs=8",
+            "data.batch_size=1",
+            *place,
+        ]
 
     assert call(*command("whole"), cwd=tmp_path).returncode == 0
     script, *arguments = command("cut")

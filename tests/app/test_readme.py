@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from test_launch import PROJECT, call
-from tiny_run import TINY, composed
+from tiny_run import SMALL, TINY, composed
 
 from col3d.app.config import EvaluateOptions, PrepareOptions, TrainOptions, VerifyOptions
 from col3d.app.errors import check_options
@@ -62,7 +62,8 @@ def test_training_commands_run(command: list[str], phantom_root: Path, tmp_path:
         f"hydra.run.dir={tmp_path}/run",
         f"hydra.sweep.dir={tmp_path}/sweep",
     ]
-    answer = call(*command[1:], *TINY, *place, cwd=tmp_path)
+    encoder = [] if "model=newcrfs" in command else [SMALL]
+    answer = call(*command[1:], *TINY, *encoder, *place, cwd=tmp_path)
     assert answer.returncode == 0, answer.stderr
     jobs = 4 if "-m" in command else 1
     assert len(list(tmp_path.rglob("summary.json"))) == jobs

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 import torch
 from nursery import Nursery
+from tiny_run import SMALL
 
 from col3d.app.train import train
 from col3d.tasks import SupervisedTask
@@ -31,10 +32,9 @@ def nursery(tmp_path: Path) -> Iterator[Nursery]:
 
 
 def options(tiny: Compose, folder: Path, *overrides: str) -> dict[str, Any]:
+    model = () if "model=pix2pix" in overrides else ("model=bts_cbam_mtl", SMALL)
     place = (f"output_dir={folder}", f"trainer.max_epochs={EPOCHS}")
-    return tiny(
-        "model=bts_cbam_mtl", "callbacks.checkpoint_minutes=0", "callbacks.panels=0", *place, *overrides
-    )
+    return tiny("callbacks.checkpoint_minutes=0", "callbacks.panels=0", *model, *place, *overrides)
 
 
 def status_of(folder: Path) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from omegaconf import OmegaConf
 from test_launch import call
-from tiny_run import TINY, composed
+from tiny_run import SMALL, TINY, composed
 
 from col3d.app.config import TrainOptions
 from col3d.app.errors import check_options
@@ -54,7 +54,7 @@ def test_a_trial_that_was_cut_off_comes_first(tmp_path: Path) -> None:
 
 
 def test_a_search_ends_with_as_many_trials_as_are_asked_for(tmp_path: Path) -> None:
-    search = ["experiment=lambda_search", *TINY, f"hydra.sweep.dir={tmp_path / 'search'}"]
+    search = ["experiment=lambda_search", *TINY, SMALL, f"hydra.sweep.dir={tmp_path / 'search'}"]
     place = f"data.root={tmp_path / 'phantom'}"
     for trials, folders in ((1, 1), (2, 2), (2, 2)):
         answer = call("train.py", *search, place, f"search.trials={trials}", cwd=tmp_path)

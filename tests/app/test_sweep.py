@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from test_launch import PROJECT, call
-from tiny_run import TINY
+from tiny_run import SMALL, TINY
 
 from col3d.app.train import train
 from col3d.reports.jobs import Job, read_sweep
@@ -22,12 +22,12 @@ Compose = Callable[..., dict[str, Any]]
 @pytest.fixture
 def root(tiny: Compose, phantom_root: Path) -> Path:
     """Rendered, so that no job has to."""
-    train(tiny("model=bts"))
+    train(tiny("model=bts", SMALL))
     return phantom_root
 
 
 def arguments(root: Path, sweep: Path, *more: str) -> list[str]:
-    return ["-m", *TINY, "model=bts", f"data.root={root}", f"hydra.sweep.dir={sweep}", *more]
+    return ["-m", *TINY, "model=bts", SMALL, f"data.root={root}", f"hydra.sweep.dir={sweep}", *more]
 
 
 def jobs_of(sweep: Path, option: str) -> dict[str, Job]:

@@ -25,6 +25,8 @@ TINY = (
     "callbacks.panels=1",
 )
 """Options of the smallest run that has every part."""
+SMALL = "model.encoder=lcnet_035"
+"""An encoder whose checkpoints take a megabyte, for the networks that take any."""
 
 
 def composed(config_name: str, *overrides: str) -> dict[str, Any]:
