@@ -5,6 +5,7 @@ import os
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 
@@ -78,6 +79,21 @@ def test_damage_is_seen(tmp_path: Path) -> None:
         path.write_bytes(damaged)
         with pytest.raises(DamagedError, match=r"last\.ckpt"):
             read_checkpoint(path)
+
+
+def test_whatever_bit_flips_it_is_damage_or_nothing(tmp_path: Path) -> None:
+    path, random = tmp_path / "last.ckpt", np.random.default_rng(0)
+    CheckpointFiles().save_checkpoint(content(1.0), path)
+    whole = path.read_bytes()
+    for place in random.integers(len(whole), size=300):
+        flipped = bytearray(whole)
+        flipped[place] ^= 1 << random.integers(8)
+        path.write_bytes(flipped)
+        try:
+            found = read_checkpoint(path)
+        except (DamagedError, UserError):
+            continue
+        assert torch.equal(found["state_dict"]["weight"], torch.ones(1000))
 
 
 class Payload:

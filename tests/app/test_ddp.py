@@ -13,7 +13,6 @@ from typing import Any
 
 import pytest
 import torch
-import yaml
 from test_launch import PROJECT, call
 from tiny_run import SMALL, TINY
 
@@ -56,9 +55,9 @@ def test_the_same_weights_score_the_same(tiny: Compose, tmp_path: Path) -> None:
     shutil.copytree(alone, both)
     for name in ("result.json", "summary.json", "per_frame.csv"):
         (both / name).unlink()
-    options = yaml.safe_load((both / "config.yaml").read_text())
-    options["trainer"] |= {"devices": 2, "strategy": "ddp", "accelerator": "cpu"}
-    (both / "config.yaml").write_text(yaml.safe_dump(options))
+    last = torch.load(both / "checkpoints" / "last.ckpt", weights_only=True)
+    last["hyper_parameters"]["options"]["trainer"] |= {"devices": 2, "strategy": "ddp", "accelerator": "cpu"}
+    torch.save(last, both / "checkpoints" / "last.ckpt")
     place = [f"data.root={tiny()['data']['root']}", f"hydra.run.dir={both}"]
     answer = call("train.py", *TINY, *DDP, "model=bts", SMALL, "data.batch_size=1", *place, cwd=tmp_path)
     assert answer.returncode == 0, answer.stderr

@@ -1,8 +1,10 @@
 """Checkpoint files: there whole or not at all, and checked when they are read."""
 
+import errno
 import os
 import pickle
 import zipfile
+import zlib
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -68,7 +70,11 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
         content = torch.load(path, map_location="cpu", weights_only=True)
     except pickle.UnpicklingError:
         raise UserError(f"{path} holds more than tensors and plain values, and is not opened") from None
-    except (zipfile.BadZipFile, RuntimeError, EOFError, ValueError) as error:
+    except OSError as error:
+        if error.errno != errno.EINVAL:  # a place in the file that cannot be
+            raise
+        raise DamagedError(f"{path}: {error.strerror}") from None
+    except (zipfile.BadZipFile, zlib.error, RuntimeError, EOFError, ValueError) as error:
         raise DamagedError(f"{path}: {' '.join(str(error).split())[:200]}") from None
     if not isinstance(content, dict) or not {"state_dict", "epoch", "loops"} <= content.keys():
         raise UserError(f"{path} is not a checkpoint of a training")

@@ -116,13 +116,15 @@ class RunFolder:
 
     def _changes(self, content: dict[str, Any]) -> list[str]:
         """Options that differ from those of the run in this folder, and matter."""
-        try:
-            before = yaml.safe_load((self.path / CONFIG).read_text(encoding="utf-8"))
-        except (OSError, ValueError, yaml.YAMLError):
-            before = None
-        if not isinstance(before, dict):  # lost; the checkpoint holds them, too
-            before = content.get("hyper_parameters", {}).get("options", {})
-        return _differing(before, self.options.model_dump(mode="json"))
+        before = content.get("hyper_parameters", {}).get(
+            "options"
+        )  # a checkpoint is checked, config.yaml is not
+        if before is None:
+            try:
+                before = yaml.safe_load((self.path / CONFIG).read_text(encoding="utf-8"))
+            except (OSError, ValueError, yaml.YAMLError):
+                before = None
+        return _differing(before if isinstance(before, dict) else {}, self.options.model_dump(mode="json"))
 
 
 def hash_of(options: TrainOptions) -> str:

@@ -59,7 +59,7 @@ def _logger(options: TrainOptions, folder: Path) -> Logger:
                 raise wandb.errors.UsageError("there is no key; `wandb login` asks for one")
             return started(offline=False)
         except wandb.errors.Error as error:
-            reason = str(error).splitlines()[0]
+            reason = str(error).splitlines()[0].rstrip(".")
             print(f"note: W&B goes on offline: {reason}; upload {folder}/wandb with `wandb sync`", flush=True)
             wandb.teardown()
     return started(offline=True)
@@ -67,6 +67,8 @@ def _logger(options: TrainOptions, folder: Path) -> Logger:
 
 def _id(folder: Path) -> str:
     path = folder / ID
-    if not path.is_file():
-        path.write_text(f"{os.urandom(4).hex()}\n", encoding="utf-8")
-    return path.read_text(encoding="utf-8").strip()
+    known = path.read_text(encoding="utf-8").strip() if path.is_file() else ""
+    if not known:
+        known = os.urandom(4).hex()
+        path.write_text(f"{known}\n", encoding="utf-8")
+    return known

@@ -176,7 +176,7 @@ def _in_a_line() -> Iterator[None]:
         raise UserError(str(error)) from None
     except RuntimeError as error:
         if "DataLoader worker" in str(error):
-            last = str(error).strip().splitlines()[-1].rstrip(".")
+            last = str(error).strip().splitlines()[-1].strip(" .")
             raise UserError(f"data.workers: {last}; the same command goes on") from None
         raise
 
