@@ -1,14 +1,12 @@
 """A look at a whole command before anything of it runs: what Hydra would build, and which jobs there are."""
 
 import os
-import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from hydra import compose, initialize_config_dir
 from hydra._internal.config_loader_impl import get_overrides_dirname
-from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra._internal.utils import get_args_parser
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
@@ -17,10 +15,12 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, read_write
 from omegaconf.errors import OmegaConfBaseException
 
+from col3d.app.provenance import command
 from col3d.checks import UserError
 from col3d.reports.jobs import add_to_plan
 from launch.files import CONF
 from launch.searches import take_up
+from launch.sweeps import jobs_of
 
 BUILT_BY = ("_target_", "()", "class")
 """Keys whose value Hydra, or the configuration of logging, imports and calls."""
@@ -102,17 +102,15 @@ def _plan(hydra: DictConfig, overrides: Sequence[Override]) -> None:
     if not str(hydra.sweeper._target_).endswith(".BasicSweeper"):
         return
     parser, naming = OverridesParser.create(), hydra.job.config.override_dirname
-    swept = [f"{name}={value}" for name, value in (hydra.sweeper.params or {}).items()]
     given = [override for override in overrides if not _is_hydras(override)]
-    [batch] = BasicSweeper.split_arguments([*parser.parse_overrides(swept), *given], None)
     jobs = {}
     with read_write(hydra):
-        for job in batch:
+        for job in jobs_of(hydra.sweeper.params or {}, given):
             hydra.job.override_dirname = get_overrides_dirname(
                 parser.parse_overrides(job), naming.exclude_keys, naming.item_sep, naming.kv_sep
             )
-            jobs[str(hydra.sweep.subdir)] = list(job)
-    add_to_plan(Path(hydra.sweep.dir), jobs, [Path(sys.argv[0]).name, *sys.argv[1:]])
+            jobs[str(hydra.sweep.subdir)] = job
+    add_to_plan(Path(hydra.sweep.dir), jobs, command())
 
 
 def _is_hydras(override: Override) -> bool:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from hydra import compose, initialize_config_dir
+from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
 from omegaconf import OmegaConf
 from omegaconf.errors import InterpolationResolutionError
@@ -25,7 +26,7 @@ def refuse(message: str) -> None:
 def explain(error: Exception, config_name: str) -> str:
     """Hydra's complaint about the command line as one line, with the nearest valid name."""
     if isinstance(error, OSError) and not isinstance(error, HydraException):  # some of Hydra's are both
-        return f"{error.filename or 'a file of this run'}: {error.strerror or error}"
+        return f"{error.filename or _folder()}: {error.strerror or error}"
     while isinstance(error, InterpolationResolutionError) and isinstance(error.__context__, Exception):
         error = error.__context__  # what one of the resolvers says
     if isinstance(error, DataError | UserError):
@@ -35,6 +36,11 @@ def explain(error: Exception, config_name: str) -> str:
         if found := re.search(pattern, text):
             return explanation(found.group(1), config_name)
     return text
+
+
+def _folder() -> str:
+    """Where this run writes: what a full disk is said of by libraries that do not name the file."""
+    return HydraConfig.get().runtime.output_dir if HydraConfig.initialized() else "a file"
 
 
 def _unknown_option(option: str, config_name: str) -> str:

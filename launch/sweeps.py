@@ -1,10 +1,12 @@
 """The jobs of a sweep."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import Override
 from omegaconf import OmegaConf
 
 from col3d.checks import UserError, nearest_name
@@ -29,9 +31,13 @@ def sweep_of(experiment: str, seeds: Sequence[int]) -> list[list[str]]:
             f"benchmark.experiments: expected some of {', '.join(known)}, got {experiment!r}"
             f"{nearest_name(experiment, known)}"
         )
-    params = {**sweeping[experiment], "seed": ",".join(map(str, seeds))}
-    parsed = OverridesParser.create().parse_overrides([f"{name}={value}" for name, value in params.items()])
-    batches = BasicSweeper.split_arguments(parsed, None)
+    return jobs_of({**sweeping[experiment], "seed": ",".join(map(str, seeds))})
+
+
+def jobs_of(params: Mapping[str, Any], given: Sequence[Override] = ()) -> list[list[str]]:
+    """The overrides of each job of Hydra's own sweeper, for its params and a command line."""
+    swept = OverridesParser.create().parse_overrides([f"{name}={value}" for name, value in params.items()])
+    batches = BasicSweeper.split_arguments([*swept, *given], None)
     return [list(job) for batch in batches for job in batch]
 
 

@@ -1,7 +1,7 @@
 """Errors that name the argument, the rule and what came."""
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 
 class DataError(ValueError):
@@ -14,6 +14,14 @@ class UserError(Exception):
 
 class TakenError(UserError):
     """Another process is at this job already."""
+
+
+def and_beneath(error: BaseException) -> Iterator[BaseException]:
+    """An error and those that it was raised over, the newest first."""
+    found: BaseException | None = error
+    while found is not None:
+        yield found
+        found = found.__cause__ or found.__context__
 
 
 def nearest_name(name: str, known: Iterable[str]) -> str:

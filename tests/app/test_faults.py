@@ -16,6 +16,7 @@ import pytest
 from test_resume import assert_the_same, status_of, stopped_in
 from tiny_run import TINY, composed
 
+from col3d.app.job import JobStatus
 from col3d.app.train import train
 from col3d.checks import DataError, UserError
 from col3d.tasks import SupervisedTask
@@ -195,3 +196,18 @@ def test_without_a_key_wandb_goes_on_offline(
     assert "note: W&B goes on offline: there is no key" in capsys.readouterr().out
     assert len(list((tmp_path / "run" / "wandb").glob("offline-run-*/*.wandb"))) == 1
     assert status_of(tmp_path / "run")["state"] == "done"
+
+
+def test_a_setting_that_wandb_does_not_know_is_refused(
+    phantom_root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("WANDB_MODE", "sometimes")
+    with pytest.raises(UserError, match=r"^WANDB_MODE of the environment: .*online.*got 'sometimes'$"):
+        train(options(tmp_path / "run", phantom_root, "logger=wandb", "logger.offline=false"))
+
+
+def test_counts_of_an_earlier_session_that_are_none_begin_anew(tmp_path: Path) -> None:
+    (tmp_path / "status.json").write_text('{"seconds": null, "sessions": "many"}')
+    status = JobStatus(tmp_path)
+    assert status.seconds_before == 0
+    assert status.content["sessions"] == 1

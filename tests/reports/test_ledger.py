@@ -41,7 +41,7 @@ def sweep(tmp_path: Path) -> Path:
     (tmp_path / "f_broken").mkdir()
     (tmp_path / "f_broken" / "status.json").write_text("{")
     (tmp_path / "figures").mkdir()
-    add_to_plan(tmp_path, {"a_done": ["seed=0"], "g_missing": ["seed=9"]}, ["train.py", "-m", "seed=0,9"])
+    add_to_plan(tmp_path, {"a_done": ["seed=0"], "g_missing": ["seed=9"]}, "train.py -m seed=0,9")
     return tmp_path
 
 
@@ -71,9 +71,9 @@ def test_every_state_is_told(sweep: Path, capsys: pytest.CaptureFixture[str]) ->
 
 
 def test_plans_of_several_commands_add_up(tmp_path: Path) -> None:
-    add_to_plan(tmp_path, {"a": ["seed=0"]}, ["train.py", "seed=0"])
-    add_to_plan(tmp_path, {"a": ["seed=0"], "b": ["seed=1"]}, ["train.py", "seed=0,1"])
-    add_to_plan(tmp_path, {"a": ["seed=0"]}, ["train.py", "seed=0"])
+    add_to_plan(tmp_path, {"a": ["seed=0"]}, "train.py seed=0")
+    add_to_plan(tmp_path, {"a": ["seed=0"], "b": ["seed=1"]}, "train.py seed=0,1")
+    add_to_plan(tmp_path, {"a": ["seed=0"]}, "train.py seed=0")
     plan = json.loads((tmp_path / PLAN).read_text())
     assert plan == {
         "commands": ["train.py seed=0", "train.py seed=0,1"],

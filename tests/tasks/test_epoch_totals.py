@@ -5,6 +5,8 @@ from torch import Tensor
 
 from col3d.tasks.epoch_totals import EpochTotals
 
+CPU = torch.device("cpu")
+
 
 def alone(sums: Tensor) -> Tensor:
     return sums
@@ -28,7 +30,7 @@ def test_taken_up_they_are_the_same_to_the_bit() -> None:
         whole.add({"loss": value}, 2)
     for value in values[:4]:
         first.add({"loss": value}, 2)
-    second.load(first.state(alone), first=True)
+    second.load(first.state(alone), True, CPU)
     for value in values[4:]:
         second.add({"loss": value}, 2)
     assert torch.equal(second.compute(alone)["loss"], whole.compute(alone)["loss"])
@@ -39,7 +41,13 @@ def test_of_several_processes_one_takes_up_all() -> None:
     kept.add({"loss": torch.tensor(4.0)}, 2)
     ranks = [EpochTotals(), EpochTotals()]
     for rank, totals in enumerate(ranks):
-        totals.load(kept.state(alone), first=rank == 0)
+        totals.load(kept.state(alone), rank == 0, CPU)
         totals.add({"loss": torch.tensor(1.0)}, 1)
     both = ranks[0].compute(lambda sums: sums + ranks[1].sums["loss"])
     assert both["loss"].item() == (4 * 2 + 1 + 1) / 4
+
+
+def test_what_is_taken_up_goes_where_processes_reduce() -> None:
+    totals = EpochTotals()
+    totals.load({"loss": torch.ones(2, dtype=torch.float64)}, True, torch.device("meta"))
+    assert totals.sums["loss"].device.type == "meta"

@@ -68,7 +68,7 @@ def run_benchmark(jobs: Sequence[Job], train: Path, output: Path, parallel: int 
         UserError: a folder holds a run of other options, or every job failed.
     """
     jobs = distinct(jobs)
-    add_to_plan(output / "runs", {job.folder.name: job.overrides for job in jobs}, command().split())
+    add_to_plan(output / "runs", {job.folder.name: job.overrides for job in jobs}, command())
     waiting = [job for job in jobs if not RunFolder(job.options).finished]
     print(f"{len(jobs)} runs, {len(jobs) - len(waiting)} of them finished before", flush=True)
     if waiting:  # rendered once, before several jobs want it

@@ -5,14 +5,15 @@ import os
 import pickle
 import zipfile
 import zlib
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import torch
 from lightning.fabric.plugins.io.torch_io import TorchCheckpointIO
 
-from col3d.checks import UserError
+from col3d.checks import UserError, and_beneath
 
 
 class DamagedError(Exception):
@@ -48,12 +49,34 @@ class CheckpointFiles(TorchCheckpointIO):
 
 def _cause(error: BaseException, path: Path) -> BaseException:
     """What a full disk really raised, where torch's writer hides it behind an error of its own."""
-    hidden: BaseException | None = error
-    while hidden is not None:
+    for hidden in and_beneath(error):
         if isinstance(hidden, OSError):
             return OSError(hidden.errno, hidden.strerror, str(path))
-        hidden = hidden.__context__
     return error
+
+
+def check_bytes(path: Path) -> None:
+    """Hold every byte of a checkpoint against the sums that are stored with it.
+
+    Raises:
+        DamagedError: the file is not as it was saved.
+    """
+    with _named_damage(path), zipfile.ZipFile(path) as archive:
+        if (damaged := archive.testzip()) is not None:
+            raise DamagedError(f"{path}: {damaged} in it has changed")
+
+
+@contextmanager
+def _named_damage(path: Path) -> Iterator[None]:
+    """What zip and torch raise over bytes that make no sense, as damage of the file."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno != errno.EINVAL:  # a place in the file that cannot be
+            raise
+        raise DamagedError(f"{path}: {error.strerror}") from None
+    except (zipfile.BadZipFile, zlib.error, RuntimeError, EOFError, ValueError) as error:
+        raise DamagedError(f"{path}: {' '.join(str(error).split())[:200]}") from None
 
 
 def read_checkpoint(path: Path) -> dict[str, Any]:
@@ -63,19 +86,12 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
         DamagedError: the file is not as it was saved.
         UserError: it is a file of something else, or holds what only a pickle that runs code can hold.
     """
+    check_bytes(path)
     try:
-        with zipfile.ZipFile(path) as archive:
-            if (damaged := archive.testzip()) is not None:
-                raise DamagedError(f"{path}: {damaged} in it has changed")
-        content = torch.load(path, map_location="cpu", weights_only=True)
+        with _named_damage(path):
+            content = torch.load(path, map_location="cpu", weights_only=True)
     except pickle.UnpicklingError:
         raise UserError(f"{path} holds more than tensors and plain values, and is not opened") from None
-    except OSError as error:
-        if error.errno != errno.EINVAL:  # a place in the file that cannot be
-            raise
-        raise DamagedError(f"{path}: {error.strerror}") from None
-    except (zipfile.BadZipFile, zlib.error, RuntimeError, EOFError, ValueError) as error:
-        raise DamagedError(f"{path}: {' '.join(str(error).split())[:200]}") from None
     if not isinstance(content, dict) or not {"state_dict", "epoch", "loops"} <= content.keys():
         raise UserError(f"{path} is not a checkpoint of a training")
     return content

@@ -32,7 +32,7 @@ class JobStatus:
     def __init__(self, folder: Path) -> None:
         self.path = folder / STATUS
         before = read_plain(self.path)
-        self.seconds_before = float(before.get("seconds", 0.0))
+        self.seconds_before = _number(before.get("seconds"))
         self.start = time.monotonic()
         self.content: dict[str, Any] = {
             "state": "running",
@@ -40,7 +40,7 @@ class JobStatus:
             "host": socket.gethostname(),
             "process": os.getpid(),
             "started": before.get("started", _now()),
-            "sessions": int(before.get("sessions", 0)) + 1,
+            "sessions": int(_number(before.get("sessions"))) + 1,
             **{name: before[name] for name in ("epoch", "epochs") if name in before},
         }
 
@@ -60,6 +60,11 @@ class JobStatus:
             return
         self.content |= {"state": state, "seconds": round(self.seconds, 1), "updated": _now(), **facts}
         write_json(self.path, self.content)
+
+
+def _number(said: Any) -> float:
+    """What an earlier session counted; nothing where its file was changed."""
+    return float(said) if isinstance(said, int | float) else 0.0
 
 
 def _now() -> str:

@@ -3,13 +3,13 @@
 import hashlib
 import json
 import shutil
-import zipfile
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from col3d.app.checkpoints import DamagedError, read_checkpoint
+from col3d.app.checkpoints import DamagedError, check_bytes, read_checkpoint
 from col3d.app.config import TrainOptions
 from col3d.app.metrics_file import ROWS
 from col3d.callbacks import BestCheckpoint
@@ -109,21 +109,17 @@ class RunFolder:
         if not known or known[0]["best_model_score"] is None:
             return True
         try:
-            with zipfile.ZipFile(self.path / CHECKPOINTS / "best.ckpt") as archive:
-                return archive.testzip() is None
-        except (OSError, zipfile.BadZipFile):
+            check_bytes(self.path / CHECKPOINTS / "best.ckpt")
+        except (OSError, DamagedError):
             return False
+        return True
 
     def _changes(self, content: dict[str, Any]) -> list[str]:
         """Options that differ from those of the run in this folder, and matter."""
-        before = content.get("hyper_parameters", {}).get(
-            "options"
-        )  # a checkpoint is checked, config.yaml is not
-        if before is None:
-            try:
+        before = content.get("hyper_parameters", {}).get("options")
+        if before is None:  # config.yaml may be damaged, a checkpoint has been checked
+            with suppress(OSError, ValueError, yaml.YAMLError):
                 before = yaml.safe_load((self.path / CONFIG).read_text(encoding="utf-8"))
-            except (OSError, ValueError, yaml.YAMLError):
-                before = None
         return _differing(before if isinstance(before, dict) else {}, self.options.model_dump(mode="json"))
 
 

@@ -6,9 +6,11 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from lightning.pytorch.loggers import Logger
+from pydantic import ValidationError
 
 from col3d.app.config import TrainOptions
 from col3d.app.rank import is_first
+from col3d.checks import UserError
 
 ID = "wandb_id.txt"
 """Under which name W&B knows the run of a folder, for a training that goes on."""
@@ -21,6 +23,9 @@ def wandb_run(options: TrainOptions, folder: Path) -> Iterator[list[Logger]]:
     """The logger, imported only now; a run that ends in an exception is marked as failed.
 
     Without a key, or where the server cannot be reached, W&B's files are kept in the folder.
+
+    Raises:
+        UserError: an environment variable of W&B has a value that it does not know.
     """
     if options.logger.name != "wandb" or not is_first():
         yield []
@@ -58,6 +63,10 @@ def _logger(options: TrainOptions, folder: Path) -> Logger:
             if not wandb.login(prompt=False, timeout=PATIENCE):
                 raise wandb.errors.UsageError("there is no key; `wandb login` asks for one")
             return started(offline=False)
+        except ValidationError as error:
+            [fault, *_] = error.errors()
+            name, rule = f"WANDB_{str(fault['loc'][0]).upper()}", fault["msg"]
+            raise UserError(f"{name} of the environment: {rule}; got {fault['input']!r}") from None
         except wandb.errors.Error as error:
             reason = str(error).splitlines()[0].rstrip(".")
             print(f"note: W&B goes on offline: {reason}; upload {folder}/wandb with `wandb sync`", flush=True)

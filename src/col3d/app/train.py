@@ -40,7 +40,7 @@ from col3d.callbacks import (
     StopSignals,
 )
 from col3d.callbacks.finite_numbers import DivergedError
-from col3d.checks import UserError
+from col3d.checks import UserError, and_beneath
 from col3d.data.datamodule import FrameDataModule
 from col3d.reports.jobs import RESULT, read_plain
 from col3d.reports.summary import print_summary
@@ -174,10 +174,11 @@ def _in_a_line() -> Iterator[None]:
         yield
     except DivergedError as error:
         raise UserError(str(error)) from None
-    except RuntimeError as error:
-        if "DataLoader worker" in str(error):
-            last = str(error).strip().splitlines()[-1].strip(" .")
-            raise UserError(f"data.workers: {last}; the same command goes on") from None
+    except Exception as error:
+        for dead in and_beneath(error):  # torch says so in any line that runs, a library's own try included
+            if isinstance(dead, RuntimeError) and "DataLoader worker" in str(dead):
+                last = str(dead).strip().splitlines()[-1].strip(" .")
+                raise UserError(f"data.workers: {last}; the same command goes on") from None
         raise
 
 

@@ -3,7 +3,6 @@
 import fcntl
 import json
 import os
-import shlex
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -67,7 +66,7 @@ def is_locked(folder: Path) -> bool:
         os.close(descriptor)
 
 
-def add_to_plan(sweep: Path, jobs: Mapping[str, Sequence[str]], command: Sequence[str]) -> None:
+def add_to_plan(sweep: Path, jobs: Mapping[str, Sequence[str]], command: str) -> None:
     """Note the jobs of a sweep: their folders and overrides; those of other commands stay."""
     sweep.mkdir(parents=True, exist_ok=True)
     with (sweep / LOCK).open("w") as lock:
@@ -75,7 +74,7 @@ def add_to_plan(sweep: Path, jobs: Mapping[str, Sequence[str]], command: Sequenc
             fcntl.lockf(lock, fcntl.LOCK_EX)
         plan = read_plain(sweep / PLAN)
         known = {**plan.get("jobs", {}), **{name: list(job) for name, job in jobs.items()}}
-        commands = [*plan.get("commands", []), shlex.join(command)]
+        commands = [*plan.get("commands", []), command]
         write_json(sweep / PLAN, {"commands": list(dict.fromkeys(commands)), "jobs": known})
 
 

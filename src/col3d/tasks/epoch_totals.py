@@ -43,9 +43,10 @@ class EpochTotals:
         """What to keep, over all processes: plain tensors."""
         return {name: reduce(sums).cpu() for name, sums in self.sums.items()}
 
-    def load(self, state: Mapping[str, Tensor], first: bool) -> None:
-        """Take up what was kept; of several processes the first has it all."""
-        self.sums = {name: sums if first else torch.zeros_like(sums) for name, sums in state.items()}
+    def load(self, state: Mapping[str, Tensor], first: bool, device: torch.device) -> None:
+        """Take up what was kept, on the device that processes reduce on; the first of them has it all."""
+        kept = {name: sums.to(device) for name, sums in state.items()}
+        self.sums = kept if first else {name: torch.zeros_like(sums) for name, sums in kept.items()}
 
     def _add(self, name: str, one: Tensor) -> None:
-        self.sums[name] = self.sums[name].to(one.device) + one if name in self.sums else one
+        self.sums[name] = self.sums[name] + one if name in self.sums else one

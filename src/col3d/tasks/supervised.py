@@ -93,7 +93,7 @@ class SupervisedTask(LightningModule):
         self.totals.count("train/frames_without_truth", (~batch["mask"].flatten(1).any(dim=1)).sum())
         if self.current_epoch == 0:
             seen = torch.where(batch["mask"], batch["depth"], 0.0).sum(dtype=torch.float64)
-            self._seen = self._seen.to(seen.device) + torch.stack([seen, batch["mask"].sum()])
+            self._seen = self._seen + torch.stack([seen, batch["mask"].sum()])
         return losses
 
     def log_train(self, values: Mapping[str, Tensor], batch: Batch) -> None:
@@ -132,8 +132,8 @@ class SupervisedTask(LightningModule):
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Go on with them."""
         kept, first = checkpoint[EPOCH], self.global_rank == 0
-        self.totals.load(kept["totals"], first)
-        self._seen = kept["depth_seen"] * first
+        self.totals.load(kept["totals"], first, self.device)
+        self._seen = kept["depth_seen"].to(self.device) * first
 
     def _sum(self, values: Tensor) -> Tensor:
         """Over all processes."""
