@@ -111,7 +111,7 @@ class Trial:
             text = f"STACK TRACE, {lines[-1].strip()}"
         for path, name in ((self.run, "RUN"), (self.root, "DATA"), (self.place, "TMP")):
             text = text.replace(str(path), name)
-        return re.sub(r"\d{5,}", "N", text).replace(f" on {socket.gethostname()}", " on HOST")
+        return re.sub(r"(?<![\d/])\d{4,}", "N", text).replace(f" on {socket.gethostname()}", " on HOST")
 
     def then(self, expected_code: int = 0, **options: Any) -> str:
         """Run the command again, and say what came of it."""
