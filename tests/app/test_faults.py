@@ -203,7 +203,7 @@ def test_a_setting_that_wandb_does_not_know_is_refused(
 ) -> None:
     monkeypatch.setenv("WANDB_MODE", "sometimes")
     with pytest.raises(UserError, match=r"^WANDB_MODE of the environment: .*online.*got 'sometimes'$"):
-        train(options(tmp_path / "run", phantom_root, "logger=wandb", "logger.offline=false"))
+        train(options(tmp_path / "run", phantom_root, "logger=wandb"))
 
 
 def test_counts_of_an_earlier_session_that_are_none_begin_anew(tmp_path: Path) -> None:

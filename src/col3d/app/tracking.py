@@ -44,6 +44,8 @@ def _logger(options: TrainOptions, folder: Path) -> Logger:
     import wandb
     from lightning.pytorch.loggers import WandbLogger
 
+    _check_environment()
+
     def started(offline: bool) -> Logger:
         logger = WandbLogger(
             name=folder.name,
@@ -63,15 +65,22 @@ def _logger(options: TrainOptions, folder: Path) -> Logger:
             if not wandb.login(prompt=False, timeout=PATIENCE):
                 raise wandb.errors.UsageError("there is no key; `wandb login` asks for one")
             return started(offline=False)
-        except ValidationError as error:
-            [fault, *_] = error.errors()
-            name, rule = f"WANDB_{str(fault['loc'][0]).upper()}", fault["msg"]
-            raise UserError(f"{name} of the environment: {rule}; got {fault['input']!r}") from None
         except wandb.errors.Error as error:
             reason = str(error).splitlines()[0].rstrip(".")
             print(f"note: W&B goes on offline: {reason}; upload {folder}/wandb with `wandb sync`", flush=True)
             wandb.teardown()
     return started(offline=True)
+
+
+def _check_environment() -> None:
+    import wandb
+
+    try:
+        wandb.Settings().update_from_env_vars(os.environ)
+    except ValidationError as error:
+        [fault, *_] = error.errors()
+        name, rule = f"WANDB_{str(fault['loc'][0]).upper()}", fault["msg"]
+        raise UserError(f"{name} of the environment: {rule}; got {fault['input']!r}") from None
 
 
 def _id(folder: Path) -> str:
