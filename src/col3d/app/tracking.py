@@ -76,7 +76,7 @@ def _check_environment() -> None:
     import wandb
 
     try:
-        wandb.Settings().update_from_env_vars(os.environ)
+        wandb.Settings().update_from_env_vars(dict(os.environ))
     except ValidationError as error:
         [fault, *_] = error.errors()
         name, rule = f"WANDB_{str(fault['loc'][0]).upper()}", fault["msg"]

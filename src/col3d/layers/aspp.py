@@ -90,6 +90,7 @@ class DenseTrunk(nn.Module):
     def forward(self, features: Sequence[Float[Tensor, "b _ _ _"]]) -> Float[Tensor, "b _ h8 w8"]:
         """The encoder's five maps -> the trunk's."""
         *_, at8, at16, at32 = features
-        concat = self.up8.concat(self.up16(nn.functional.relu(at32), at16), at8)
-        context: Tensor = self.aspp(self.norm(self.up8.fuse(concat)), concat)
+        risen = self.up8.rise(self.up16(nn.functional.relu(at32), at16))
+        fused = self.norm(self.up8.fuse(risen, at8))
+        context: Tensor = self.aspp(fused, torch.cat([risen, at8], dim=1))
         return context

@@ -3,6 +3,10 @@
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
+from torch.nn.functional import conv2d
+
+from col3d.layers.elu import ELU, elu_
+from col3d.layers.up_conv import up_conv2d
 
 
 def batch_norm(channels: int) -> nn.BatchNorm2d:
@@ -13,11 +17,11 @@ def batch_norm(channels: int) -> nn.BatchNorm2d:
 def conv_elu(in_channels: int, out_channels: int, kernel: int = 3) -> nn.Sequential:
     """A same-size convolution without bias, then ELU."""
     conv = nn.Conv2d(in_channels, out_channels, kernel, padding=kernel // 2, bias=False)
-    return nn.Sequential(conv, nn.ELU())
+    return nn.Sequential(conv, ELU())
 
 
 class UpConv(nn.Module):
-    """Nearest up-sampling by 2, then a 3x3 convolution without bias and ELU."""
+    """Nearest up-sampling by 2, then a 3x3 convolution without bias and ELU, by `up_conv2d`."""
 
     def __init__(self, in_channels: int, out_channels: int) -> None:
         super().__init__()
@@ -25,11 +29,33 @@ class UpConv(nn.Module):
 
     def forward(self, x: Float[Tensor, "b _ h w"]) -> Float[Tensor, "b _ 2*h 2*w"]:
         """Twice the height and width."""
-        return nn.functional.elu(self.conv(nn.functional.interpolate(x, scale_factor=2, mode="nearest")))
+        return elu_(up_conv2d(x, self.conv.weight))
+
+
+class FuseELU(nn.Sequential):
+    """A 3x3 convolution without bias of several maps beside one another, then ELU.
+
+    The maps are not put together: the convolution of a concatenation is the sum of convolutions of its parts,
+    each with its share of the weights. What is not copied is not stored for the gradient a second time.
+    """
+
+    def __init__(self, in_channels: int, out_channels: int) -> None:
+        super().__init__(nn.Conv2d(in_channels, out_channels, 3, padding=1, bias=False), ELU())
+
+    def forward(self, *maps: Float[Tensor, "b _ h w"]) -> Float[Tensor, "b _ h w"]:
+        """Maps of the same size, one without channels among them perhaps -> the fused one."""
+        weights = self.get_parameter("0.weight").split([x.shape[1] for x in maps], dim=1)
+        parts = [(x, share) for x, share in zip(maps, weights, strict=True) if x.shape[1]]
+        first, *others = (
+            conv2d(x.contiguous(memory_format=torch.channels_last), share, padding=1) for x, share in parts
+        )
+        for other in others:
+            first += other
+        return elu_(first)
 
 
 class UpFuse(nn.Module):
-    """One step up the decoder: up-convolution, batch norm, concatenation with skips, 3x3 ELU.
+    """One step up the decoder: up-convolution, batch norm, and a 3x3 ELU over that and the skips.
 
     Args:
         in_channels: channels of the coarse map.
@@ -41,19 +67,18 @@ class UpFuse(nn.Module):
         super().__init__()
         self.up = UpConv(in_channels, out_channels)
         self.norm = batch_norm(out_channels)
-        self.fuse = conv_elu(out_channels + skip_channels, out_channels)
+        self.fuse = FuseELU(out_channels + skip_channels, out_channels)
 
-    def concat(
-        self, x: Float[Tensor, "b _ h w"], *skips: Float[Tensor, "b _ 2*h 2*w"]
-    ) -> Float[Tensor, "b _ 2*h 2*w"]:
-        """The up-sampled map beside the skips, before they are fused."""
-        return torch.cat([self.norm(self.up(x)), *skips], dim=1)
+    def rise(self, x: Float[Tensor, "b _ h w"]) -> Float[Tensor, "b _ 2*h 2*w"]:
+        """The up-sampled map, before it is fused with the skips."""
+        risen: Tensor = self.norm(self.up(x))
+        return risen
 
     def forward(
         self, x: Float[Tensor, "b _ h w"], *skips: Float[Tensor, "b _ 2*h 2*w"]
     ) -> Float[Tensor, "b _ 2*h 2*w"]:
         """The coarse map and skips of twice its size -> a map of the skips' size."""
-        fused: Tensor = self.fuse(self.concat(x, *skips))
+        fused: Tensor = self.fuse(self.rise(x), *skips)
         return fused
 
 

@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from col3d.layers.conv import UpConv, UpFuse, conv_elu, shrink
+from col3d.layers.conv import FuseELU, UpConv, UpFuse, shrink
 from col3d.layers.planar import PlanarGuidance, Reduction
 from col3d.precision import at_least_float32
 
@@ -52,7 +52,7 @@ class DepthDecoder(nn.Module):
         self.attend_skip2, self.up2 = attention(skip2), UpFuse(f4, f8, skip2 + 1)
         self.attend2, self.plane2 = attention(f8), PlanarGuidance(f8, f16, patch=2)
         self.up1, self.finest = UpConv(f8, f16), finest(f16)
-        self.fuse = conv_elu(f16 + 4, f16)
+        self.fuse = FuseELU(f16 + 4, f16)
         self.head = nn.Conv2d(f16, 1, 3, padding=1, bias=False)
 
     def forward(
@@ -69,6 +69,6 @@ class DepthDecoder(nn.Module):
         x = self.attend2(self.up2(x, self.attend_skip2(skip2), shrink(at4, 2)))
         at2 = self.plane2(x)
         x = self.up1(x)
-        x = self.fuse(torch.cat([x, self.finest(x), at2, at4, at8], dim=1))
+        x = self.fuse(x, torch.cat([self.finest(x), at2, at4, at8], dim=1))
         with torch.autocast(x.device.type, enabled=False):
             return self.max_depth * torch.sigmoid(at_least_float32(self.head(x.to(self.head.weight.dtype))))

@@ -21,6 +21,7 @@ class DepthNetwork(nn.Module, ABC):
 
     Attributes:
         feature_channels: of the maps at 1/2, 1/4 and 1/8 that subclasses offer.
+        memory_format: of images, and of weights where `col3d.models.create` makes the network.
         multiple: what the sides of the padded image are a multiple of, in pixels.
         normal_decoder: None, or what turns those maps into normals.
         skipped_names: tensors of a published state dict that were left out; see `col3d.models.published`.
@@ -28,6 +29,7 @@ class DepthNetwork(nn.Module, ABC):
 
     feature_channels: tuple[int, int, int]
     multiple: int = 32
+    memory_format: torch.memory_format = torch.channels_last
     normal_decoder: NormalDecoder | None
     skipped_names: tuple[str, ...] = ()
     mean: Tensor
@@ -91,9 +93,11 @@ class DepthNetwork(nn.Module, ABC):
             raise ValueError(f"rays: expected those of an image of {wanted} pixels, got {given}")
         height, width = x.shape[-2:]
         padding = (0, -width % self.multiple, 0, -height % self.multiple)
-        if rays is not None:
-            rays = nn.functional.pad(rays.expand(len(x), -1, -1, -1), padding, mode="replicate")
-        prediction = self.predict(nn.functional.pad(x, padding, mode="replicate"), rays)
+        rays = None if rays is None else rays.expand(len(x), -1, -1, -1)
+        if any(padding):
+            x = nn.functional.pad(x, padding, mode="replicate")
+            rays = None if rays is None else nn.functional.pad(rays, padding, mode="replicate")
+        prediction = self.predict(x.contiguous(memory_format=self.memory_format), rays)
         cropped: Prediction = {"depth": prediction["depth"][..., :height, :width]}
         if "normals" in prediction:
             cropped["normals"] = prediction["normals"][..., :height, :width]

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from col3d.geometry import camera_from_ray, ray_from_camera, unit
-from col3d.layers.conv import UpConv, UpFuse, conv_elu, init_xavier
+from col3d.layers.conv import FuseELU, UpConv, UpFuse, init_xavier
 from col3d.layers.planar import Reduction, sphere_normals, spherical
 from col3d.precision import at_least_float32
 
@@ -118,7 +118,7 @@ class NormalDecoder(nn.Module):
         self.normal4, self.up2 = UnitNormal(f4, f8, frame), UpFuse(f4, f8, at2 + 3)
         self.normal2, self.up1 = UnitNormal(f8, f16, frame), UpConv(f8, f16)
         self.normal1 = UnitNormal(f16, f16 // 2, frame)
-        self.fuse = nn.ModuleDict({axis: conv_elu(f16 + 4, f16) for axis in "xyz"})
+        self.fuse = nn.ModuleDict({axis: FuseELU(f16 + 4, f16) for axis in "xyz"})
         self.head = nn.ModuleDict({axis: nn.Conv2d(f16, 1, 3, padding=1, bias=bias) for axis in "xyz"})
         init_xavier(self)
         if bias:
@@ -153,7 +153,7 @@ class NormalDecoder(nn.Module):
         return self.frame.told(enlarge(normals, factor), rays)
 
     def _axis(self, axis: str, x: Tensor, components: list[Tensor]) -> Tensor:
-        fused = self.fuse[axis](torch.cat([x, *components], dim=1))
+        fused = self.fuse[axis](x, torch.cat(components, dim=1))
         with torch.autocast(x.device.type, enabled=False):
             raw: Tensor = self.head[axis](fused.to(self.head[axis].weight.dtype))
         return at_least_float32(raw)

@@ -81,4 +81,4 @@ def create(
     asked = normals is not None and check_known("model.normals", normals, NORMALS) == "unc"
     if asked and network.normal_decoder is None:
         network.add_normals(width, normal_frame)
-    return network
+    return network.to(memory_format=network.memory_format)

@@ -83,6 +83,8 @@ class Pix2Pix(DepthNetwork):
         3.2.1 and appendix 6.1.1.
     """
 
+    memory_format = torch.contiguous_format
+
     def __init__(
         self,
         encoder: str = "none",
