@@ -247,6 +247,7 @@ class TrainerOptions(Options):
     precision: Literal["32-true", "bf16-mixed", "16-mixed"]
     gradient_clip: Annotated[PositiveFloat | None, NoneWord]
     accumulate: PositiveInt
+    compile: bool
     deterministic: bool
     limit_train_batches: PositiveInt | None
 

@@ -26,7 +26,7 @@ def measure_cost(network: nn.Module, size_hw: tuple[int, int]) -> dict[str, Any]
     network.eval()
     with torch.no_grad():
         with FlopCounterMode(display=False) as counter:
-            network(image, rays)
+            network.forward(image, rays)  # what a compiled network calls cannot be counted
         seconds = sorted(_seconds(network, image, rays) for _ in range(WARM_UP + TIMED))
     return {
         "parameters": sum(p.numel() for p in network.parameters()),

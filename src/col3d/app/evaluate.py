@@ -133,6 +133,7 @@ def _machine(options: EvaluateOptions) -> TrainerOptions:
         precision="32-true",
         gradient_clip=None,
         accumulate=1,
+        compile=False,
         deterministic=False,
         limit_train_batches=None,
     )

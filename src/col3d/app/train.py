@@ -17,6 +17,7 @@ from lightning.pytorch.loggers import Logger
 
 from col3d.app import build
 from col3d.app.checkpoints import CheckpointFiles
+from col3d.app.compiled import compile_network
 from col3d.app.config import TrainerOptions, TrainOptions
 from col3d.app.cost import measure_cost
 from col3d.app.errors import check_options
@@ -108,6 +109,8 @@ def _run(options: TrainOptions, folder: RunFolder, stop: StopSignals, status: Jo
     truth = options.one_protocol[1].truth
     frames = data_module(options.data, options.phantom, options.seed, test_truth=truth)
     task = build.task(options)
+    if options.trainer.compile:
+        compile_network(task.network)
     scored = Scored.after(options.data, "test")
     if is_first():
         scored.print_audit()
