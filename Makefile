@@ -29,8 +29,8 @@ train: $(READY)  ## Train and evaluate Col3D-MTL on the phantom (ARGS="key=value
 benchmark: $(READY)  ## Run the paper's experiments and report them (PRESET=smoke|laptop|paper DATA=c3vd ROOT=path)
 	$(BIN)/python benchmark.py preset=$(PRESET) data=$(DATA) $(if $(ROOT),data.root=$(ROOT)) $(ARGS)
 
-speed: $(READY)  ## Time the data side beside a published loader and a bare copy (DATA=c3vd ROOT=path)
-	$(BIN)/python -m benchmarks.data_speed --data $(DATA) $(if $(ROOT),--root $(ROOT)) $(ARGS)
+speed: $(READY)  ## Time networks, metrics, geometry, start-up and data beside twins and floors (DATA=c3vd ROOT=path)
+	$(BIN)/python -m benchmarks.speed --data $(DATA) $(if $(ROOT),--root $(ROOT)) $(ARGS)
 
 test: $(READY) lint  ## Run all tests, linters and type checks
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 $(ARGS)

@@ -1,18 +1,24 @@
 """Rows of numbers with their targets, as tables and as JSON."""
 
 import json
-from collections.abc import Iterable, Sequence
+import os
+import platform
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+import torch
 from rich.console import Console
 from rich.table import Table
 
 from benchmarks.timing import Spread, spread_of
+from col3d.app.provenance import commit, versions
 
 WIDTH = 100
+TOLERANCE = 0.15
 
 
 @dataclass(frozen=True)
@@ -72,9 +78,43 @@ def show(rows: Iterable[Row]) -> None:
 
 
 def write(path: Path, settings: dict[str, Any], rows: Iterable[Row]) -> None:
-    """Write what was measured, and how, as JSON."""
-    content = {"settings": settings, "rows": [asdict(line) | {"met": line.met} for line in rows]}
+    """Write what was measured, how, and on what, as JSON."""
+    lines = [asdict(line) | {"met": line.met} for line in rows]
+    content = {"settings": settings, "machine": machine(), "rows": lines}
     path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+
+
+def machine() -> dict[str, Any]:
+    """What the numbers depend on beside the code."""
+    device = torch.cuda.get_device_name() if torch.cuda.is_available() else "cpu"
+    facts = {"system": platform.platform(), "processor": _processor(), "cores": os.cpu_count()}
+    return {**facts, "threads": torch.get_num_threads(), "device": device, "commit": commit(), **versions()}
+
+
+def _processor() -> str:
+    """Its name, and how wide its vectors are."""
+    with suppress(OSError):
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return f"{line.partition(': ')[2]}, {torch.backends.cpu.get_cpu_capability()}"
+    return platform.processor()
+
+
+def regressions(rows: Iterable[Row], baseline: Mapping[str, float]) -> list[str]:
+    """A line for each ratio that is more than `TOLERANCE` worse than it was."""
+    lines = []
+    for line in rows:
+        before, now = baseline.get(f"{line.table}: {line.name}"), line.spread.median
+        if before is not None and line.unit == "x":
+            worse = before / now if line.at_least is not None else now / before
+            if worse > 1 + TOLERANCE:
+                lines.append(f"{line.table}: {line.name}: {now:.3g}, and was {before:.3g}")
+    return lines
+
+
+def ratios_of(rows: Iterable[Row]) -> dict[str, float]:
+    """What a later run is compared with."""
+    return {f"{line.table}: {line.name}": round(line.spread.median, 4) for line in rows if line.unit == "x"}
 
 
 def _written(value: float) -> str:

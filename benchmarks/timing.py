@@ -5,6 +5,8 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+import torch
+
 Work = Callable[[], object]
 
 
@@ -22,7 +24,23 @@ def spread_of(values: Sequence[float]) -> Spread:
     return Spread(statistics.median(values), min(values), max(values))
 
 
-def interleaved(works: Mapping[str, Work], repeats: int) -> dict[str, list[float]]:
+def seconds_of(work: Work, device: torch.device | None = None) -> float:
+    """How long a work takes, by the events of a GPU where one does it."""
+    if device is None or device.type != "cuda":
+        start = time.perf_counter()
+        work()
+        return time.perf_counter() - start
+    begin, end = (torch.cuda.Event(enable_timing=True) for _ in range(2))
+    begin.record()
+    work()
+    end.record()
+    end.synchronize()
+    return begin.elapsed_time(end) / 1000
+
+
+def interleaved(
+    works: Mapping[str, Work], repeats: int, device: torch.device | None = None
+) -> dict[str, list[float]]:
     """Seconds that each work takes, by repeat; in each all take their turn, so that noise meets them alike.
 
     A round before the first is not counted: it starts workers, opens maps and fills caches.
@@ -30,10 +48,9 @@ def interleaved(works: Mapping[str, Work], repeats: int) -> dict[str, list[float
     seconds: dict[str, list[float]] = {name: [] for name in works}
     for repeat in range(repeats + 1):
         for name, work in works.items():
-            start = time.perf_counter()
-            work()
+            taken = seconds_of(work, device)
             if repeat:
-                seconds[name].append(time.perf_counter() - start)
+                seconds[name].append(taken)
     return seconds
 
 

@@ -11,13 +11,14 @@ import pytest
 import torch
 import yaml
 from test_launch import call
-from tiny_run import TINY, composed, real_frames
+from tiny_run import SMALL, TINY, composed, real_frames
 
 from col3d.app.evaluate import evaluate
 from col3d.app.train import train
 from col3d.callbacks import EpochLines
 from col3d.checks import DataError, UserError
 from col3d.geometry.camera_file import camera_from_plain
+from col3d.layers.network import DepthNetwork
 from col3d.losses import weighted
 from col3d.reports.per_frame import DEPTH_METRICS, IDENTITY, METRICS, means, read_per_frame
 
@@ -314,3 +315,30 @@ def test_the_paper_split_wants_all_of_c3vd(tmp_path: Path) -> None:
         train(composed("train", *overrides))
     with pytest.raises(DataError, match=r"no video of data\.split\.val"):
         train(composed("train", *overrides, "data.allow_missing=true"))
+
+
+def test_generated_code_is_asked_for(
+    phantom_root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of the network that is trained, and of the one that is scored, whose weights stay as they are."""
+    asked: list[bool] = []
+
+    def compile_network(network: DepthNetwork, trained: bool = False) -> None:
+        asked.append(trained)
+
+    monkeypatch.setattr("col3d.app.train.compile_network", compile_network)
+    monkeypatch.setattr("col3d.app.evaluate.compile_network", compile_network)
+    place = (f"data.root={phantom_root}", f"output_dir={tmp_path / 'run'}")
+    train(composed("train", *TINY, *place, "model=bts", SMALL, "trainer.compile=true"))
+    score(tmp_path / "run" / "checkpoints" / "best.ckpt", "compile=true")
+    assert asked == [False, True]
+
+
+def test_code_cannot_be_generated_without_a_compiler(
+    phantom_root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CXX", "no-such-compiler")
+    place = (f"data.root={phantom_root}", f"output_dir={tmp_path / 'run'}")
+    with pytest.raises(UserError, match=r"^compile: needs a C\+\+ compiler.*no-such-compiler"):
+        train(composed("train", *TINY, *place, "model=bts", SMALL, "trainer.compile=true"))
+    assert not (tmp_path / "run").exists()

@@ -8,10 +8,10 @@ import pytest
 import torch
 
 from benchmarks.bare_copy import BareCopy
-from benchmarks.data_speed import main
 from benchmarks.frames import frames_of, prepared, repeated
 from benchmarks.published_loader import MEAN, STD, PublishedLoader
-from benchmarks.report import row
+from benchmarks.report import ratios_of, regressions, row
+from benchmarks.speed import BASELINE, main
 from benchmarks.timing import Spread, interleaved, rates, ratios, spread_of
 from benchmarks.worker_memory import worker_memory
 from col3d.checks import DataError
@@ -39,7 +39,7 @@ def videos(parts: list[FrameSet], tmp_path: Path) -> list[StoredVideo]:
 def test_all_is_measured_and_written(cache: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "speed.json"
     tiny = "--frames 4 --epoch 10 --repeats 1 --workers 1 --batch-size 2 --size 32 40 --full-size 64 80"
-    rows = main([*tiny.split(), "--cache", str(cache), "--json", str(path)])
+    rows = main(["--only", "data", *tiny.split(), "--cache", str(cache), "--json", str(path)])
     names = {line.name for line in rows}
     speeds = {"store", "store, decoded", "raw", "raw, decoded", "stand-in", "copy", "copy, no loader"}
     compared = {"store / stand-in", "raw / stand-in", "copy / store", "growth after a tenth"}
@@ -109,6 +109,34 @@ def test_numbers_of_repeats() -> None:
     assert spread_of([3.0, 1.0, 2.5]) == Spread(median=2.5, low=1.0, high=3.0)
     assert rates(6, [1.0, 3.0]) == [6.0, 2.0]
     assert ratios([2.0, 9.0], [1.0, 3.0]) == [2.0, 3.0]
+
+
+def test_the_rest_is_measured_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "speed.json"
+    parts = ["floors", "networks", "metrics", "geometry", "startup"]
+    rows = main(["--smoke", "--json", str(path), "--only", *parts])
+    assert all(math.isfinite(line.spread.median) and line.spread.median > 0 for line in rows)
+    assert {"col3d_mtl / encoder", "newcrfs / its twin", "published / col3d", "train.py --help"} <= {
+        line.name for line in rows
+    }
+    assert json.loads(path.read_text())["machine"]["cores"] > 0
+    assert "0 ratios have become worse" in capsys.readouterr().out
+
+
+def test_the_baseline_is_of_ratios_that_are_measured() -> None:
+    baseline = json.loads(BASELINE.read_text())["ratios"]
+    assert any("col3d_mtl / encoder" in name for name in baseline)
+    assert all(ratio > 0 for ratio in baseline.values())
+
+
+@pytest.mark.parametrize(("target", "worse"), [("at_least", 0.8), ("at_most", 1.2)])
+def test_what_has_become_slower_is_told(target: str, worse: float) -> None:
+    before = [row("Table", "a / b", "x", [1.0], **{target: 1.0}), row("Table", "a", "ms", [1.0])]
+    baseline = ratios_of(before)
+    assert baseline == {"Table: a / b": 1.0}
+    for now, slower in ((worse, True), (1 / worse, False), (1.1, False), (0.9, False)):
+        rows = [row("Table", "a / b", "x", [now], **{target: 1.0}), row("Table", "new", "x", [9.0])]
+        assert bool(regressions(rows, baseline)) == slower
 
 
 def test_targets_hold_the_median() -> None:

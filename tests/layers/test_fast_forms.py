@@ -52,6 +52,11 @@ def test_elu_by_the_fast_exponential() -> None:
     assert_the_same(lambda x: elu_(x * 1).flatten(), lambda x: elu(x).flatten(), maps, atol=2e-7)
 
 
+def test_elu_as_generated_code_has_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(torch.compiler, "is_compiling", lambda: True)
+    assert_the_same(lambda x: elu_(x * 1), elu, 3 * torch.randn(1000), atol=2e-7)
+
+
 def test_elu_at_its_ends() -> None:
     ends = torch.tensor([-torch.inf, -100.0, -1e-8, 0.0, 1e-8, 100.0, torch.inf])
     torch.testing.assert_close(elu_(ends.clone()), elu(ends), atol=6e-8, rtol=0)

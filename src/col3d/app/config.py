@@ -391,6 +391,7 @@ class EvaluateOptions(Options):
     batch_size: PositiveInt | None
     workers: Annotated[int, Field(ge=0)] | None
     accelerator: Literal["auto", "cpu", "gpu", "cuda"]
+    compile: bool
 
     @model_validator(mode="after")
     def _fits(self) -> "EvaluateOptions":

@@ -10,6 +10,7 @@ from torch import Tensor
 from torch.utils.data import DataLoader
 
 from col3d.app import build
+from col3d.app.compiled import compile_network
 from col3d.app.config import EvaluateOptions, ProtocolOptions, TrainerOptions
 from col3d.app.errors import check_options
 from col3d.app.frames import full_frames, sized_frames
@@ -56,6 +57,8 @@ def _predicted(
     if read_facts(folder) != facts:
         subject.task.mirror = mirror
         data = FrameDataModule({"test": frames}, subject.data.batch_size, subject.data.workers)
+        if options.compile:
+            compile_network(subject.task.network, trained=True)
         trainer = make_trainer(_machine(options), [SavePredictions(folder, facts)], [])
         trainer.test(subject.task, datamodule=data, verbose=False)
     else:

@@ -5,12 +5,10 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from col3d.checks import check_known
-from col3d.geometry.depth import points_from_depth
+from col3d.geometry.central_differences import TINY, central_normals
 from col3d.precision import at_least_float32
 
-TINY = 1e-24
-"""Squared length below which a vector has no direction: its power of -3/2, in the gradient, fits float32."""
-
+DIFFERENCES = ("central", "forward")
 MIN_AHEAD = 1e-3
 """Rays that point less ahead than this (their z) have no depth along the axis."""
 
@@ -66,27 +64,17 @@ def normals_from_depth(
         known = ahead.expand_as(depth) if mask is None else mask & ahead
         safe = torch.where(known, at_least_float32(depth), 1.0)
         ahead_rays = torch.where(ahead, rays.to(safe.dtype), 1.0)
-        tangent = TANGENTS[check_known("differences", differences, TANGENTS)]
-        along_u, has_u = tangent(safe, ahead_rays, known, -1)
-        along_v, has_v = tangent(safe, ahead_rays, known, -2)
+        at_one = ahead_rays / ahead_rays.narrow(-3, 2, 1)
+        if check_known("differences", differences, DIFFERENCES) == "central":
+            return central_normals(safe, at_one if at_one.ndim == 4 else at_one[None], known)
+        along_u, has_u = _forward(safe, at_one, known, -1)
+        along_v, has_v = _forward(safe, at_one, known, -2)
         normals = unit(torch.linalg.cross(along_v, along_u, dim=-3))
         return torch.where(known & has_u & has_v, normals, 0.0)
 
 
-def _central(depth: Tensor, rays: Tensor, known: Tensor, dim: int) -> tuple[Tensor, Tensor]:
-    """Sum of the forward and backward differences that exist (scale is of no matter); whether one does."""
-    points = points_from_depth(depth, rays)
-    size = points.shape[dim]
-    both = known.narrow(dim, 1, size - 1) & known.narrow(dim, 0, size - 1)
-    step = torch.where(both, points.diff(dim=dim), 0.0)
-    zero, none = torch.zeros_like(points.narrow(dim, 0, 1)), torch.zeros_like(known.narrow(dim, 0, 1))
-    forward, backward = torch.cat([step, zero], dim), torch.cat([zero, step], dim)
-    return forward + backward, torch.cat([both, none], dim) | torch.cat([none, both], dim)
-
-
-def _forward(depth: Tensor, rays: Tensor, known: Tensor, dim: int) -> tuple[Tensor, Tensor]:
+def _forward(depth: Tensor, at_one: Tensor, known: Tensor, dim: int) -> tuple[Tensor, Tensor]:
     """Forward differences of depth and ray by the product rule; whether there is a pixel to differ from."""
-    at_one = rays / rays.narrow(-3, 2, 1)
     has = known & torch.cat([known.narrow(dim, 1, known.shape[dim] - 1), _last(known, dim) & False], dim)
     slope = torch.cat([depth.diff(dim=dim), torch.zeros_like(_last(depth, dim))], dim)
     turn = torch.cat([at_one.diff(dim=dim), torch.zeros_like(_last(at_one, dim))], dim)
@@ -97,17 +85,14 @@ def _last(values: Tensor, dim: int) -> Tensor:
     return values.narrow(dim, values.shape[dim] - 1, 1)
 
 
-TANGENTS = {"central": _central, "forward": _forward}
-
-
 def angle_between(a: Float[Tensor, "*b 3 h w"], b: Float[Tensor, "*b 3 h w"]) -> Float[Tensor, "*b 1 h w"]:
     """Angle between vectors in degrees: atan2(|a x b|, a . b); 0 where one is zero.
 
     For vectors of any length from 1e-8 to 1e8; exactly 0 and 180 degrees between equal and opposite ones,
     because each product of a x b is rounded by itself (`torch.linalg.cross` fuses them).
     """
-    cross = a.roll(-1, dims=-3) * b.roll(-2, dims=-3) - a.roll(-2, dims=-3) * b.roll(-1, dims=-3)
-    crossed = cross.square().sum(dim=-3, keepdim=True)
+    (ax, ay, az), (bx, by, bz) = a.split(1, dim=-3), b.split(1, dim=-3)
+    crossed = (ay * bz - az * by).square() + (az * bx - ax * bz).square() + (ax * by - ay * bx).square()
     parallel = crossed == 0
     sine = torch.where(parallel, 0.0, torch.where(parallel, 1.0, crossed).sqrt())
-    return torch.rad2deg(torch.atan2(sine, (a * b).sum(dim=-3, keepdim=True)))
+    return torch.rad2deg(torch.atan2(sine, ax * bx + ay * by + az * bz))

@@ -1,10 +1,14 @@
 """The nine depth metrics of the field, one value a frame."""
 
+import functools
+import math
+
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
 from col3d.batch import check_maps
+from col3d.metrics.functional.by_frame import by_frame
 
 DEPTH_METRICS = ("abs_rel", "sq_rel", "log10", "rmse", "rmse_log", "silog", "delta1", "delta2", "delta3")
 DELTA = 1.25
@@ -40,24 +44,33 @@ def depth_metrics(
         NeurIPS 2014, section 4.2.
     """
     check_maps(preds, target, mask)
+    return by_frame(functools.partial(_errors, min_depth, max_depth), preds, target, mask)
+
+
+def _errors(
+    min_depth: float, max_depth: float, preds: Tensor, target: Tensor, mask: Tensor
+) -> dict[str, Tensor]:
+    """Pixels that do not count are put to 1 mm in both, which adds nothing to any sum but those of shares."""
     count = mask.sum(dim=(1, 2, 3), dtype=torch.float64)
+    others = mask[0].numel() - count
 
     def mean(values: Tensor) -> Tensor:
-        return torch.where(mask, values, 0.0).sum(dim=(1, 2, 3)) / count
+        return values.sum(dim=(1, 2, 3), dtype=torch.float64) / count
 
     truth = torch.where(mask, target, 1.0).double()
-    guess = torch.where(mask, preds, 1.0).double().clamp(min_depth, max_depth)
+    guess = torch.where(mask, preds.clamp(min_depth, max_depth), 1.0).double()
     gap, ratio = guess - truth, guess / truth
-    log_ratio, worst = ratio.log(), torch.maximum(ratio, 1 / ratio)
+    squared, log_ratio = gap.square(), ratio.log()
+    worst = torch.maximum(ratio, ratio.reciprocal())
     squared_log = mean(log_ratio.square())
     return {
         "abs_rel": mean(gap.abs() / truth),
-        "sq_rel": mean(gap.square() / truth),
-        "log10": mean(log_ratio.abs()) / torch.log(truth.new_tensor(10.0)),
-        "rmse": mean(gap.square()).sqrt(),
+        "sq_rel": mean(squared / truth),
+        "log10": mean(log_ratio.abs()) / math.log(10),
+        "rmse": mean(squared).sqrt(),
         "rmse_log": squared_log.sqrt(),
         "silog": 100 * (squared_log - mean(log_ratio).square()).clamp_min(0).sqrt(),
-        **{f"delta{k}": mean((worst < DELTA**k).double()) for k in (1, 2, 3)},
+        **{f"delta{k}": ((worst < DELTA**k).sum(dim=(1, 2, 3)) - others) / count for k in (1, 2, 3)},
     }
 
 

@@ -1,11 +1,14 @@
 """The five metrics of normals, one value a frame."""
 
+import functools
+
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
 from col3d.batch import check_maps
 from col3d.geometry import angle_between
+from col3d.metrics.functional.by_frame import by_frame
 
 NORMAL_METRICS = ("angle_mean", "angle_median", "within_11_25", "within_22_5", "within_30")
 LIMITS = {"within_11_25": 11.25, "within_22_5": 22.5, "within_30": 30.0}
@@ -34,25 +37,34 @@ def normal_metrics(
         ValueError: the shapes do not belong together.
     """
     check_maps(preds, target, mask)
-    angles = _angles(preds.float(), target.float(), cosine_epsilon).double()
+    return by_frame(functools.partial(_errors, cosine_epsilon), preds, target, mask)
+
+
+def _errors(cosine_epsilon: float, preds: Tensor, target: Tensor, mask: Tensor) -> dict[str, Tensor]:
+    angles = _angles(preds.float(), target.float(), cosine_epsilon)
     count = mask.sum(dim=(1, 2, 3), dtype=torch.float64)
 
     def mean(values: Tensor) -> Tensor:
-        return torch.where(mask, values, 0.0).sum(dim=(1, 2, 3)) / count
+        return torch.where(mask, values, 0.0).sum(dim=(1, 2, 3), dtype=torch.float64) / count
 
     return {
         "angle_mean": mean(angles),
         "angle_median": _median(angles, mask),
-        **{name: mean((angles < limit).double()) for name, limit in LIMITS.items()},
+        **{name: (mask & (angles < limit)).sum(dim=(1, 2, 3)) / count for name, limit in LIMITS.items()},
     }
 
 
 def _median(values: Tensor, mask: Tensor) -> Tensor:
     """Middle value of each frame, the mean of the two middle ones of an even number; NaN for none."""
-    medians = values.new_full((len(values),), torch.nan)
+    medians = values.new_full((len(values),), torch.nan, dtype=torch.float64)
     for i, (of_frame, counts) in enumerate(zip(values, mask, strict=True)):
-        if counts.any():
-            medians[i] = of_frame[counts].quantile(0.5)
+        if len(counting := of_frame[counts]):
+            lower = counting.median()
+            above = counting > lower
+            upper = torch.where(above, counting, torch.inf).min()
+            medians_differ = 2 * above.sum() >= len(counting)  # never of an odd number, or where it is NaN
+            upper = torch.where(medians_differ, upper, lower)
+            medians[i] = (lower.double() + upper.double()) / 2
     return medians
 
 
