@@ -11,12 +11,13 @@ import torch
 from benchmarks.data_speed import add_options, data_rows
 from benchmarks.kernels import floor_rows, geometry_rows, metric_rows
 from benchmarks.networks import Case, network_rows, smallest
+from benchmarks.pieces import piece_rows
 from benchmarks.report import Row, ratios_of, regressions, show, write
 from benchmarks.startup import startup_rows
 from col3d.checks import DataError
 
 BASELINE = Path(__file__).with_name("baseline.json")
-PARTS = ("floors", "networks", "metrics", "geometry", "startup", "data")
+PARTS = ("data", "floors", "networks", "metrics", "geometry", "pieces", "startup")
 
 
 def main(arguments: Sequence[str] | None = None) -> list[Row]:
@@ -34,6 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> list[Row]:
         "networks": lambda: network_rows(case, device, repeats, compiled=not options.smoke),
         "metrics": lambda: metric_rows(case.side, device, repeats),
         "geometry": lambda: geometry_rows(case.side, device, repeats),
+        "pieces": lambda: piece_rows(case.side, device, repeats),
         "startup": lambda: startup_rows(repeats),
         "data": lambda: data_rows(options, device),
     }

@@ -113,7 +113,7 @@ def test_numbers_of_repeats() -> None:
 
 def test_the_rest_is_measured_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "speed.json"
-    parts = ["floors", "networks", "metrics", "geometry", "startup"]
+    parts = ["floors", "networks", "metrics", "geometry", "pieces", "startup"]
     rows = main(["--smoke", "--json", str(path), "--only", *parts])
     assert all(math.isfinite(line.spread.median) and line.spread.median > 0 for line in rows)
     assert {"col3d_mtl / encoder", "newcrfs / its twin", "published / col3d", "train.py --help"} <= {
