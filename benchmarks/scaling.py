@@ -1,4 +1,4 @@
-"""Time and memory of Col3D-MTL against the size of images and batches, drawn: `python -m benchmarks.scaling`."""
+"""Time and memory of Col3D-MTL by size of images and batches, drawn: `python -m benchmarks.scaling`."""
 
 import argparse
 from collections.abc import Sequence
