@@ -45,6 +45,17 @@ def test_authors_numbers(source: str) -> None:
 
 
 @needs_parity
+@pytest.mark.parametrize("source", FAMILY)
+def test_bfloat16_costs_less_than_a_percent(source: str) -> None:
+    """Of depth, on average over the pixels, against the authors' own numbers."""
+    network, expected = load_published(source, published_state(source)), published_numbers(source)["depth"]
+    with torch.no_grad(), torch.autocast("cpu", torch.bfloat16):
+        depth = network.forward_normalised(network_input())["depth"]
+    assert depth.dtype == torch.float32
+    assert ((depth - expected).abs() / expected).mean() < 0.01
+
+
+@needs_parity
 def test_authors_numbers_of_newcrfs() -> None:
     network = load_published("newcrfs", published_state("newcrfs"))
     with torch.no_grad():
