@@ -12,6 +12,7 @@ from typing import Any
 
 from hydra import compose
 from hydra import main as hydra_main
+from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
 from hydra.types import RunMode
@@ -44,6 +45,8 @@ def launch(config_name: str, run: Run) -> None:
     os.environ["PYTHONPATH"] = os.pathsep.join([str(CONF.parent), os.environ.get("PYTHONPATH", "")])
     sys.argv[1:] = [text for argument in sys.argv[1:] for text in as_groups(argument)]
     check_choices(sys.argv[1:])
+    if {"--help", "-h", "--hydra-help"} & set(sys.argv[1:]):
+        _look_once()
 
     def job(config: DictConfig) -> Any:
         try:
@@ -68,6 +71,20 @@ def launch(config_name: str, run: Run) -> None:
         hydra_main(version_base="1.3", config_path=str(CONF), config_name=config_name)(job)()
     except (HydraException, OmegaConfBaseException, *BAD_INPUT) as error:
         refuse(explain(error, config_name))
+
+
+def _look_once() -> None:
+    """Let Hydra's help copy its sources once, and not for each of its groups again, which takes a second."""
+    made = ConfigLoaderImpl._parse_overrides_and_create_caching_repo
+    known: dict[tuple[str | None, ...], Any] = {}
+
+    def once(loader: ConfigLoaderImpl, config_name: str | None, overrides: list[str]) -> Any:
+        place = (config_name, *overrides)
+        if place not in known:
+            known[place] = made(loader, config_name, overrides)
+        return known[place]
+
+    ConfigLoaderImpl._parse_overrides_and_create_caching_repo = once  # type: ignore[method-assign,assignment]
 
 
 @contextmanager
