@@ -4,7 +4,7 @@ from functools import partial
 
 import torch
 
-from benchmarks.report import Row, row
+from benchmarks.report import Row, row, times
 from benchmarks.timing import Work, interleaved, ratios
 from benchmarks.twins.metrics import published_metrics
 from col3d.geometry import OmnidirectionalCamera, normals_from_depth, unit
@@ -61,7 +61,7 @@ def geometry_rows(side: int, device: torch.device, repeats: int) -> list[Row]:
     seconds = interleaved(works, repeats, device)
     found = ratios(seconds["normals_from_depth"], seconds["copy of as many bytes"])
     return [
-        *[row(GEOMETRY, name, "ms", [1000 * s for s in taken]) for name, taken in seconds.items()],
+        *times(GEOMETRY, seconds),
         row(GEOMETRY, "normals_from_depth / copy", "x", found, at_most=3.0),
     ]
 

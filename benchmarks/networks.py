@@ -10,7 +10,7 @@ import torch
 from torch import nn
 
 from benchmarks.memory import peak_bytes
-from benchmarks.report import Row, row
+from benchmarks.report import Row, row, times
 from benchmarks.timing import Work, interleaved, ratios
 from benchmarks.twins.col3d import PublishedCol3D
 from benchmarks.twins.newcrfs import PublishedNeWCRFs
@@ -81,7 +81,7 @@ def _forward_rows(
     }
     seconds = interleaved({name: _plain(work) for name, work in works.items()}, repeats, device)
     return [
-        *[row(FORWARD, name, "ms", [1000 * s for s in taken]) for name, taken in seconds.items()],
+        *times(FORWARD, seconds),
         row(FORWARD, "twin / encoder", "x", ratios(seconds["twin"], seconds["encoder"])),
         row(
             FORWARD,
@@ -104,7 +104,7 @@ def _compiled_rows(case: Case, network: DepthNetwork, device: torch.device, repe
     seconds = interleaved(works, repeats, device)
     found = ratios(seconds["col3d_mtl, compiled"], seconds["encoder"])
     return [
-        *[row(COMPILED, name, "ms", [1000 * s for s in taken]) for name, taken in seconds.items()],
+        *times(COMPILED, seconds),
         row(COMPILED, "col3d_mtl, compiled / encoder", "x", found, at_most=4.5),
     ]
 
@@ -123,7 +123,7 @@ def _training_rows(
     held = {name: peak_bytes(partial(step, *pair, larger), device) for name, pair in forwards.items()}
     table = f"{TRAINING}, batch of {case.batch}"
     return [
-        *[row(table, name, "ms", [1000 * s for s in taken]) for name, taken in seconds.items()],
+        *times(table, seconds),
         row(table, "col3d_mtl / twin", "x", ratios(seconds["col3d_mtl"], seconds["twin"]), at_most=0.6),
         row(table, "col3d_mtl, bf16 / twin", "x", ratios(seconds["col3d_mtl, bf16"], seconds["twin"])),
         *[row(f"{MEMORY}, batch of {case.memory_batch}", name, "MB", [b / MB]) for name, b in held.items()],
@@ -147,7 +147,7 @@ def _newcrfs_rows(case: Case, device: torch.device, repeats: int) -> list[Row]:
     seconds = interleaved(works, repeats, device)
     found = ratios(seconds["newcrfs"], seconds["newcrfs' twin"])
     return [
-        *[row(FORWARD, name, "ms", [1000 * s for s in taken]) for name, taken in seconds.items()],
+        *times(FORWARD, seconds),
         row(FORWARD, "newcrfs / its twin", "x", found, at_most=1.0),
     ]
 

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import conv2d, elu, interpolate
 
-from benchmarks.report import Row, row
+from benchmarks.report import Row, row, times
 from benchmarks.timing import Work, interleaved, ratios
 from col3d.layers.conv import FuseELU
 from col3d.layers.elu import elu_
@@ -31,7 +31,7 @@ def piece_rows(side: int, device: torch.device, repeats: int) -> list[Row]:
         works = {"plain": _both_ways(plain, inputs), "as it is": _both_ways(fast, inputs)}
         seconds = interleaved(works, repeats, device)
         table = f"{name[0].upper()}{name[1:]}, forward and backward, batch of {BATCH}"
-        rows += [row(table, f"{name}, {form}", "ms", [1000 * s for s in t]) for form, t in seconds.items()]
+        rows += times(table, {f"{name}, {form}": taken for form, taken in seconds.items()})
         rows.append(
             row(table, f"{name}, plain / as it is", "x", ratios(seconds["plain"], seconds["as it is"]))
         )
@@ -48,7 +48,7 @@ def _order_rows(side: int, device: torch.device, repeats: int) -> list[Row]:
     seconds = interleaved(works, repeats, device)
     table = f"A 3x3 convolution of 36 channels to 32 at full size, batch of {BATCH}"
     return [
-        *[row(table, name, "ms", [1000 * s for s in taken]) for name, taken in seconds.items()],
+        *times(table, seconds),
         row(table, "channels first / last", "x", ratios(*seconds.values())),
     ]
 

@@ -62,6 +62,11 @@ def row(table: str, name: str, unit: str, values: Sequence[float], **target: flo
     return Row(table, name, unit, spread_of(values), **target)
 
 
+def times(table: str, seconds: Mapping[str, Sequence[float]]) -> list[Row]:
+    """A row in milliseconds for each of what was timed together."""
+    return [row(table, name, "ms", [1000 * second for second in taken]) for name, taken in seconds.items()]
+
+
 def show(rows: Iterable[Row]) -> None:
     """Print the tables."""
     console = Console(width=WIDTH)

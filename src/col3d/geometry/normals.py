@@ -62,11 +62,12 @@ def normals_from_depth(
     with torch.autocast(depth.device.type, enabled=False):
         ahead = rays.narrow(-3, 2, 1) > MIN_AHEAD
         known = ahead.expand_as(depth) if mask is None else mask & ahead
-        safe = torch.where(known, at_least_float32(depth), 1.0)
-        ahead_rays = torch.where(ahead, rays.to(safe.dtype), 1.0)
+        depth = at_least_float32(depth)
+        ahead_rays = torch.where(ahead, rays.to(depth.dtype), 1.0)
         at_one = ahead_rays / ahead_rays.narrow(-3, 2, 1)
         if check_known("differences", differences, DIFFERENCES) == "central":
-            return central_normals(safe, at_one if at_one.ndim == 4 else at_one[None], known)
+            return central_normals(depth, at_one if at_one.ndim == 4 else at_one[None], known)
+        safe = torch.where(known, depth, 1.0)
         along_u, has_u = _forward(safe, at_one, known, -1)
         along_v, has_v = _forward(safe, at_one, known, -2)
         normals = unit(torch.linalg.cross(along_v, along_u, dim=-3))

@@ -40,7 +40,7 @@ class FuseELU(nn.Sequential):
     """
 
     def __init__(self, in_channels: int, out_channels: int) -> None:
-        super().__init__(nn.Conv2d(in_channels, out_channels, 3, padding=1, bias=False), ELU())
+        super().__init__(nn.Conv2d(in_channels, out_channels, 3, padding=1, bias=False))
 
     def forward(self, *maps: Float[Tensor, "b _ h w"]) -> Float[Tensor, "b _ h w"]:
         """Maps of the same size, one without channels among them perhaps -> the fused one."""

@@ -4,8 +4,6 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-PHASES = ((0.0, 0.0, 1.0), (0.0, 1.0, 1.0), (1.0, 1.0, 0.0), (1.0, 0.0, 0.0))
-"""Which taps of a row of 3 fall on the same coarse pixel, for each of the 4 of the transposed row."""
 LEAST_PIXELS = 256
 """Coarse pixels of a batch from which the sums of weights are cheaper than the products that they save."""
 
@@ -23,6 +21,7 @@ def up_conv2d(x: Float[Tensor, "b c h w"], weight: Float[Tensor, "o c 3 3"]) -> 
 
 
 def phase_weights(weight: Float[Tensor, "o c 3 3"]) -> Float[Tensor, "c o 4 4"]:
-    """The kernel of the transposed convolution."""
-    taps = weight.new_tensor(PHASES)
+    """The kernel of the transposed convolution: sums of taps that fall on the same coarse pixel."""
+    backwards = torch.eye(3, dtype=weight.dtype, device=weight.device).flip(0)
+    taps = nn.functional.pad(backwards, (0, 0, 0, 1)) + nn.functional.pad(backwards, (0, 0, 1, 0))
     return torch.einsum("ai,bj,ocij->coab", taps, taps, weight)

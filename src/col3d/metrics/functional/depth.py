@@ -58,7 +58,7 @@ def _errors(
         return values.sum(dim=(1, 2, 3), dtype=torch.float64) / count
 
     truth = torch.where(mask, target, 1.0).double()
-    guess = torch.where(mask, preds.clamp(min_depth, max_depth), 1.0).double()
+    guess = torch.where(mask, preds.double().clamp(min_depth, max_depth), 1.0)
     gap, ratio = guess - truth, guess / truth
     squared, log_ratio = gap.square(), ratio.log()
     worst = torch.maximum(ratio, ratio.reciprocal())
