@@ -1,21 +1,14 @@
 """What an evaluation scores: a network with its weights, and the data to score it on."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from col3d.app import build
-from col3d.app.config import DataOptions, EvaluateOptions, PhantomOptions, SourceOptions, TrainOptions
-from col3d.app.errors import check_options
+from col3d.app.config import DataOptions, EvaluateOptions, PhantomOptions, SourceOptions
 from col3d.app.frames import settled
+from col3d.app.learnt import MAX_DEPTH, published_network, trained_task
 from col3d.app.scored import Scored
 from col3d.checks import UserError
-from col3d.models.published import load_published, read_weights
 from col3d.tasks import SupervisedTask
-
-MAX_DEPTH = 100.0
-"""Millimetres that the published programs for C3VD are trained with."""
 
 
 @dataclass(frozen=True)
@@ -44,16 +37,12 @@ def subject_of(options: EvaluateOptions) -> Subject:
 
 def _trained(path: Path, options: EvaluateOptions) -> Subject:
     """A training's checkpoint, on the data it was trained with or on others."""
-    checkpoint = _read(path)
-    trained = _trained_options(checkpoint, path)
-    model = trained.model.model_copy(update={"pretrained": None})
-    task = build.task(trained.model_copy(update={"model": model}))
-    build.fill(task, checkpoint, path)
+    task, trained, _ = trained_task(path)
     phantom = trained.phantom if options.data is None else options.phantom
     other = options.data and options.data.model_copy(update={"size": trained.data.size})
     data = _as_asked(other or _of_part(trained.data, options.split), options, phantom)
     scored = Scored(data, options.split, data.size, Scored.after(trained.data, options.split).trained)
-    return Subject(task, model.name, trained.seed, model.max_depth, data, phantom, scored)
+    return Subject(task, trained.model.name, trained.seed, trained.model.max_depth, data, phantom, scored)
 
 
 def _of_part(data: DataOptions, part: str) -> DataOptions:
@@ -69,36 +58,11 @@ def _published(path: Path, options: EvaluateOptions) -> Subject:
     assert options.published is not None
     if options.data is None:
         raise UserError("data: published weights do not say what to score them on; take data=c3vd or phantom")
-    try:
-        network = load_published(options.published, _read(path), options.max_depth or MAX_DEPTH)
-    except ValueError as error:
-        raise UserError(str(error).replace("state_dict:", f"checkpoint: {path}", 1)) from None
+    network = published_network(path, options.published, options.max_depth)
     data = _as_asked(options.data, options, options.phantom)
-    depth = options.max_depth or MAX_DEPTH
     scored = Scored.after(data, options.split)
+    depth = options.max_depth or MAX_DEPTH
     return Subject(SupervisedTask(network), options.published, 0, depth, data, options.phantom, scored)
-
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        return read_weights(path)
-    except ValueError as error:
-        raise UserError(str(error)) from None
-
-
-def _trained_options(checkpoint: Mapping[str, Any], path: Path) -> TrainOptions:
-    """The options that a checkpoint was trained with."""
-    try:
-        given = dict(checkpoint["hyper_parameters"]["options"])
-    except (KeyError, TypeError, ValueError):
-        raise UserError(
-            f"checkpoint: {path} is not a checkpoint written by train.py; "
-            "for the authors' weights say published=<whose>"
-        ) from None
-    try:
-        return check_options(TrainOptions, given)
-    except UserError as error:
-        raise UserError(f"checkpoint: {path} was trained with options of another version: {error}") from None
 
 
 def _as_asked(data: DataOptions, options: EvaluateOptions, phantom: PhantomOptions) -> DataOptions:

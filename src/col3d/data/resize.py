@@ -66,7 +66,7 @@ class Resize:
         return values.take(rows, axis=0).take(columns, axis=1)
 
     def _image(self, image: UInt8[Tensor, "3 h w"]) -> UInt8[Tensor, "3 h2 w2"]:
-        return interpolate(image[None], self.size_hw, mode="bilinear", antialias=True)[0]
+        return resized_image(image[None], self.size_hw)[0]
 
     def _between(self, taken: Mapping[str, Tensor]) -> dict[str, Tensor]:
         """Depth, mask and normals from those of the pixels around."""
@@ -89,6 +89,11 @@ class Resize:
     def _around(self) -> tuple[tuple[np.ndarray, Tensor], tuple[np.ndarray, Tensor]]:
         """Along height and width: pixels before and after each new centre, and its place between them."""
         return tuple(map(_neighbours, self.camera.size_hw, self.size_hw))  # type: ignore[return-value]
+
+
+def resized_image(image: UInt8[Tensor, "b 3 h w"], size_hw: tuple[int, int]) -> UInt8[Tensor, "b 3 h2 w2"]:
+    """Images averaged to a size as networks see them: bilinear, antialiased, in 8 bits."""
+    return interpolate(image, size_hw, mode="bilinear", antialias=True)
 
 
 def _neighbours(old: int, new: int) -> tuple[np.ndarray, Float[Tensor, " n"]]:

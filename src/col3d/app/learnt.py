@@ -1,0 +1,166 @@
+"""A network that has learned: the one of a checkpoint, and what is known of how it came about."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from jaxtyping import UInt8
+from torch import Tensor
+from torch.nn.functional import interpolate
+
+from col3d.app import build
+from col3d.app.config import TrainOptions
+from col3d.app.errors import check_options
+from col3d.batch import Prediction
+from col3d.checks import UserError
+from col3d.data.resize import resized_image
+from col3d.geometry import Camera, unit
+from col3d.geometry.camera_file import camera_from_plain
+from col3d.layers.network import DepthNetwork
+from col3d.models.published import load_published, read_weights
+from col3d.tasks import SupervisedTask
+
+MAX_DEPTH = 100.0
+"""Millimetres that the published programs for C3VD are trained with."""
+SAME_LENS = 1e-3
+"""Largest difference of two unit rays of one lens."""
+
+
+@dataclass(frozen=True)
+class Learnt:
+    """A network with its final weights, ready for images of any size.
+
+    Attributes:
+        network: in evaluation mode.
+        name: of the model, or of whose weights it holds.
+        size_hw: that it sees; images are resized to it.
+        max_depth: the largest depth in mm that it can say.
+        cameras: of the frames it was trained on, at that size; empty where nobody knows.
+        trained_on: names of those data sets.
+    """
+
+    network: DepthNetwork
+    name: str
+    size_hw: tuple[int, int]
+    max_depth: float
+    cameras: tuple[Camera, ...]
+    trained_on: tuple[str, ...]
+
+    @torch.inference_mode()
+    def predict(self, images: UInt8[Tensor, "b 3 h w"], camera: Camera | None = None) -> Prediction:
+        """Depth and normals of images, on the network's device, at the images' own size.
+
+        The images are resized as in training; what the network says is read off between its pixels,
+        bilinearly.
+
+        Args:
+            images: RGB in 8 bits.
+            camera: of the images, at their size; needed by networks whose `needs_rays` is True.
+
+        Raises:
+            ValueError: the camera is needed and absent, or is of another size.
+        """
+        size_hw = (images.shape[2], images.shape[3])
+        if camera is not None and camera.size_hw != size_hw:
+            raise ValueError(f"camera: expected one of {size_hw} pixels, got {camera.size_hw}")
+        device = self.network.mean.device
+        seen = resized_image(images, self.size_hw).to(device).float() / 255
+        rays = None if camera is None else camera.resized(self.size_hw).rays().to(device)
+        prediction = self.network(seen, rays)
+        enlarged: Prediction = {"depth": _at(prediction["depth"].float(), size_hw)}
+        if "normals" in prediction:
+            enlarged["normals"] = unit(_at(prediction["normals"].float(), size_hw))
+        return enlarged
+
+    def knows(self, camera: Camera) -> bool:
+        """Whether images of this camera have the lens of frames that the network was trained on."""
+        rays = camera.resized(self.size_hw).rays()
+        return any(bool((rays - known.rays()).abs().max() < SAME_LENS) for known in self.cameras)
+
+
+def _at(values: Tensor, size_hw: tuple[int, int]) -> Tensor:
+    return interpolate(values, size_hw, mode="bilinear", align_corners=False)
+
+
+def learnt(
+    path: Path,
+    published: str | None = None,
+    max_depth: float | None = None,
+    size: tuple[int, int] | None = None,
+) -> Learnt:
+    """The network of a checkpoint.
+
+    Args:
+        path: of a checkpoint of `train.py`, or of the authors.
+        published: whose weights it holds; None for a checkpoint of `train.py`.
+        max_depth: millimetres that published weights were trained with; 100 when absent.
+        size: that published weights see; 320 x 320 when absent.
+
+    Raises:
+        UserError: the file is no such checkpoint.
+    """
+    if published is not None:
+        network = published_network(path, published, max_depth)
+        return Learnt(network, published, size or (320, 320), max_depth or MAX_DEPTH, (), ())
+    if max_depth is not None or size is not None:
+        option = "max_depth" if size is None else "size"
+        raise UserError(f"{option}: our checkpoints know theirs; it is for published weights")
+    task, options, checkpoint = trained_task(path)
+    height, width = options.data.size
+    about = checkpoint.get("about") or {}
+    cameras = tuple(camera_from_plain(plain) for plain in about.get("cameras", ()))
+    sources = (options.data, *options.data.also.values())
+    trained_on = tuple(dict.fromkeys(source.name for source in sources))
+    assert isinstance(task.network, DepthNetwork)
+    name, depth = options.model.name, options.model.max_depth
+    return Learnt(task.network.eval(), name, (height, width), depth, cameras, trained_on)
+
+
+def trained_task(path: Path) -> tuple[SupervisedTask, TrainOptions, Mapping[str, Any]]:
+    """The task of a checkpoint of `train.py` with its weights, the options that built it, and all it holds.
+
+    Raises:
+        UserError: it is no such checkpoint, or of another version.
+    """
+    checkpoint = _read(path)
+    options = _trained_options(checkpoint, path)
+    model = options.model.model_copy(update={"pretrained": None})
+    task = build.task(options.model_copy(update={"model": model}))
+    build.fill(task, checkpoint, path)
+    return task, options, checkpoint
+
+
+def published_network(path: Path, source: str, max_depth: float | None = None) -> DepthNetwork:
+    """The network of a checkpoint that the authors' program saved.
+
+    Raises:
+        UserError: it is not theirs.
+    """
+    try:
+        return load_published(source, _read(path), max_depth or MAX_DEPTH)
+    except ValueError as error:
+        raise UserError(str(error).replace("state_dict:", f"checkpoint: {path}", 1)) from None
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        return read_weights(path)
+    except ValueError as error:
+        raise UserError(str(error)) from None
+
+
+def _trained_options(checkpoint: Mapping[str, Any], path: Path) -> TrainOptions:
+    """The options that a checkpoint was trained with."""
+    try:
+        given = dict(checkpoint["hyper_parameters"]["options"])
+    except (KeyError, TypeError, ValueError):
+        raise UserError(
+            f"checkpoint: {path} is not a checkpoint written by train.py; "
+            "for the authors' weights say published=<whose>"
+        ) from None
+    try:
+        return check_options(TrainOptions, given)
+    except UserError as error:
+        raise UserError(f"checkpoint: {path} was trained with options of another version: {error}") from None
