@@ -5,6 +5,8 @@ from typing import Any
 import pytest
 from tiny_run import SMALL, TINY, composed
 
+from col3d.app.train import train
+
 
 @pytest.fixture(scope="session")
 def phantom_root(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -21,6 +23,15 @@ def tiny(phantom_root: Path, tmp_path: Path) -> Callable[..., dict[str, Any]]:
         return composed("train", *TINY, *encoder, *place, *overrides)
 
     return compose_tiny
+
+
+@pytest.fixture(scope="session")
+def tiny_checkpoint(phantom_root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Weights of a training of seconds, with depth and normals."""
+    folder = tmp_path_factory.mktemp("trained") / "run"
+    place = (f"data.root={phantom_root}", f"output_dir={folder}", "callbacks.panels=0")
+    train(composed("train", *TINY, SMALL, *place))
+    return folder / "checkpoints" / "best.ckpt"
 
 
 @pytest.fixture(autouse=True)

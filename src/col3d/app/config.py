@@ -450,3 +450,93 @@ class VerifyOptions(Options):
         if self.data.test or self.data.also:
             raise ValueError("data.test, data.also: are of trainings; verify.py checks data=...")
         return self
+
+
+class LearntOptions(Options):
+    """Which network: a checkpoint of ours, or of the authors named by `published`."""
+
+    checkpoint: str
+    published: (
+        Literal["bts", "col3d_bts_cbam", "col3d_mtl_no_xtc", "col3d_mtl", "newcrfs", "monodepth_fpn"] | None
+    )
+    max_depth: PositiveFloat | None
+    size: Annotated[list[Side], Field(min_length=2, max_length=2)] | None
+
+    @model_validator(mode="after")
+    def _knows_its_own(self) -> "LearntOptions":
+        for option, value in (("max_depth", self.max_depth), ("size", self.size)):
+            if value is not None and self.published is None:
+                raise ValueError(f"{option}: our checkpoints know theirs; it is for published weights")
+        return self
+
+
+class PredictOptions(LearntOptions):
+    """Everything that `predict.py` takes."""
+
+    input: str
+    output: str
+    overwrite: bool
+    camera: Annotated[str | list[float] | None, NoneWord]
+    files: bool
+    previews: bool
+    clouds: Annotated[int, Field(ge=0)]
+    video: Literal["auto"] | bool
+    fps: PositiveFloat | None
+    range: Annotated[list[Weight], Field(min_length=2, max_length=2)] | None
+    batch_size: PositiveInt
+    accelerator: Literal["auto", "cpu", "gpu", "cuda"]
+    compile: bool
+
+    @model_validator(mode="after")
+    def _fits(self) -> "PredictOptions":
+        if self.range is not None and self.range[0] >= self.range[1]:
+            raise ValueError(f"range: expected [low,high] with low below high, got {self.range}")
+        if self.clouds and self.camera is None:
+            raise ValueError("clouds: points need viewing rays; give the camera, such as camera=c3vd")
+        return self
+
+
+class FuseOptions(Options):
+    """Everything that `fuse.py` takes."""
+
+    video: str
+    data: Literal["c3vd", "c3vdv2"]
+    output: str
+    overwrite: bool
+    checkpoint: str | None
+    published: (
+        Literal["bts", "col3d_bts_cbam", "col3d_mtl_no_xtc", "col3d_mtl", "newcrfs", "monodepth_fpn"] | None
+    )
+    max_depth: PositiveFloat | None
+    size: Annotated[list[Side], Field(min_length=2, max_length=2)] | None
+    scale: Literal["none", "median"]
+    frames: PositiveInt | None
+    voxel: Annotated[float, Field(gt=0, le=10)]
+    far: PositiveFloat | None
+    accelerator: Literal["auto", "cpu", "gpu", "cuda"]
+
+    @model_validator(mode="after")
+    def _fits(self) -> "FuseOptions":
+        needless = {"published": self.published, "max_depth": self.max_depth}
+        if self.checkpoint is None:
+            for option, value in needless.items():
+                if value is not None:
+                    raise ValueError(f"{option}: is of a checkpoint; give checkpoint=PATH")
+            if self.scale != "none":
+                raise ValueError("scale: is of predictions; give checkpoint=PATH")
+        elif self.published is None and (self.size or self.max_depth):
+            raise ValueError("size, max_depth: our checkpoints know theirs; they are for published weights")
+        return self
+
+
+class ExportOptions(LearntOptions):
+    """Everything that `export.py` takes."""
+
+    output: str
+    overwrite: bool
+
+    @model_validator(mode="after")
+    def _fits(self) -> "ExportOptions":
+        if not self.output.endswith((".onnx", ".pt2")):
+            raise ValueError(f"output: expected a name that ends in .onnx or .pt2, got {self.output!r}")
+        return self

@@ -47,6 +47,15 @@ def in_processes(
         Exception: the first that a job raises; jobs that have not begun are given up.
     """
     workers = min(workers or os.cpu_count() or 1, len(jobs))
+    with frames_bar(label, shown=progress and bool(jobs)) as bar:
+        task = bar.add_task("frames", total=frames)
+        if workers > 1:
+            return _in_pool(work, jobs, workers, lambda done: bar.update(task, completed=done))
+        return [work(*job, lambda: bar.advance(task)) for job in jobs]
+
+
+def frames_bar(label: str, shown: bool = True) -> Progress:
+    """A bar that counts frames and says how long the rest takes."""
     columns = (
         TextColumn(label),
         BarColumn(),
@@ -55,11 +64,7 @@ def in_processes(
         TimeRemainingColumn(),
         TextColumn("left"),
     )
-    with Progress(*columns, disable=not progress or not jobs) as bar:
-        task = bar.add_task("frames", total=frames)
-        if workers > 1:
-            return _in_pool(work, jobs, workers, lambda done: bar.update(task, completed=done))
-        return [work(*job, lambda: bar.advance(task)) for job in jobs]
+    return Progress(*columns, disable=not shown)
 
 
 def _in_pool(

@@ -1,0 +1,76 @@
+"""The camera that a user names: a lens of a data set, a pinhole's four numbers, a file, or none."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from jaxtyping import Bool
+from torch import Tensor
+
+from col3d.checks import DataError, UserError, nearest_name
+from col3d.data.octagon import octagon_mask
+from col3d.data.simcol3d import SimCol3D
+from col3d.geometry import Camera, OmnidirectionalCamera, PinholeCamera
+from col3d.geometry.camera_file import read_camera
+
+LENSES: dict[str, Callable[[], Camera]] = {
+    "c3vd": OmnidirectionalCamera.c3vd,
+    "c3vdv2": OmnidirectionalCamera.c3vdv2,
+    "simcol3d": SimCol3D.lens,
+}
+OCTAGON = ("c3vd", "c3vdv2")
+"""Lenses whose image is an octagon."""
+SQUEEZE = 0.01
+"""Largest difference of the sides' ratio from that of the lens, as a share."""
+CameraOption = str | list[float] | None
+
+
+def lens_of(option: CameraOption) -> Camera | None:
+    """The camera at the size it was calibrated at; a pinhole given by numbers has no size yet (0, 0).
+
+    Args:
+        option: `c3vd`, `c3vdv2`, `simcol3d`; [fx, fy, cx, cy] in pixels of the images; the path of a file
+            (see `col3d.geometry.camera_file`); None or `none` where nothing is known.
+
+    Raises:
+        UserError: it is none of these.
+    """
+    if option is None or option == "none":
+        return None
+    if isinstance(option, list):
+        if len(option) != 4 or min(option[:2]) <= 0:
+            raise UserError(f"camera: expected [fx,fy,cx,cy] in pixels with fx, fy above 0, got {option}")
+        return PinholeCamera.from_focal((0, 0), *option)
+    if option in LENSES:
+        return LENSES[option]()
+    if not Path(option).is_file():
+        known = ", ".join(LENSES)
+        raise UserError(
+            f"camera: {option!r} is no file and no known lens{nearest_name(option, LENSES)}; "
+            f"known are {known}, [fx,fy,cx,cy] for a pinhole, or none"
+        )
+    try:
+        return read_camera(Path(option))
+    except DataError as error:
+        raise UserError(f"camera: {error}") from None
+
+
+def camera_at(lens: Camera, size_hw: tuple[int, int]) -> Camera:
+    """The camera of images of a size, which must show all that the lens does, squeezed nowhere.
+
+    Raises:
+        DataError: their sides have another ratio.
+    """
+    if lens.size_hw == (0, 0):
+        return PinholeCamera(size_hw, lens.centre, lens.stretch)
+    (height, width), (full_height, full_width) = size_hw, lens.size_hw
+    if abs(height * full_width / (width * full_height) - 1) > SQUEEZE:
+        raise DataError(
+            f"camera: the lens is of {full_height} x {full_width} pixels and the image of {height} x "
+            f"{width}, which is no enlargement of that; give the camera of these images"
+        )
+    return lens.resized(size_hw)
+
+
+def view_of(option: CameraOption, size_hw: tuple[int, int]) -> Bool[Tensor, "1 h w"] | None:
+    """Where the endoscope of this name shows anything; None where it does everywhere, or nobody knows."""
+    return octagon_mask(size_hw) if option in OCTAGON else None

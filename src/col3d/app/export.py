@@ -1,0 +1,111 @@
+"""Write a network as a file for other programs, which appears only once it says what PyTorch says."""
+
+import importlib.util
+import io
+import logging
+import os
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from col3d.app.config import ExportOptions
+from col3d.app.errors import check_options
+from col3d.app.exported_facts import facts_of
+from col3d.app.learnt import Learnt, learnt
+from col3d.app.onnx_file import OnnxFile, write_onnx
+from col3d.app.program_file import ProgramFile, write_program
+from col3d.app.same_outputs import Likeness, compare
+from col3d.app.traced import LEAST_SIDE, traced
+from col3d.app.train import quiet
+from col3d.checks import UserError
+
+FORMATS = {".onnx": (write_onnx, OnnxFile), ".pt2": (write_program, ProgramFile)}
+EXTRA = ("onnx", "onnxscript", "onnxruntime")
+
+
+def export(given: Mapping[str, Any]) -> None:
+    """Rebuild a network, write it, and hold the file against PyTorch before it is put in place.
+
+    Args:
+        given: the composed configuration as plain values; see `ExportOptions`.
+
+    Raises:
+        UserError: an option or the checkpoint breaks a rule, or the file says something else.
+        OSError: the file cannot be written.
+    """
+    quiet()
+    options = check_options(ExportOptions, given)
+    path = Path(options.output)
+    _check(path, options.overwrite)
+    height, width = options.size or (None, None)
+    size = None if height is None or width is None else (height, width)
+    subject = learnt(Path(options.checkpoint), options.published, options.max_depth, size)
+    with _in_place(path) as partial:
+        print(f"export: {subject.name} to {path}, which takes a while", flush=True)
+        likeness = _write(subject, partial, path.suffix)
+    _report(subject, path, likeness)
+
+
+def _check(path: Path, overwrite: bool) -> None:
+    """Refuse what would fail after minutes of work."""
+    if path.suffix == ".onnx" and not all(importlib.util.find_spec(name) for name in EXTRA):
+        raise UserError("export: needs pip install -e '.[onnx]'")
+    if path.is_dir():
+        raise UserError(f"output: {path} is a folder")
+    if path.exists() and not overwrite:
+        raise UserError(f"output: {path} is there already; give overwrite=true to replace it")
+
+
+@contextmanager
+def _in_place(path: Path) -> Iterator[Path]:
+    """A file beside `path` to write into, which becomes `path` at the end and nothing after an error."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
+    partial.touch()
+    try:
+        yield partial
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def _write(subject: Learnt, partial: Path, kind: str) -> Likeness:
+    subject.network.to("cpu").requires_grad_(False)
+    write, opened = FORMATS[kind]
+    with _silently():
+        write(traced(subject.network), partial, facts_of(subject))
+        file = opened(partial)
+    return compare(subject, file)
+
+
+@contextmanager
+def _silently() -> Iterator[None]:
+    """Exporters tell of every operation that they leave alone."""
+    before = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)
+    try:
+        with warnings.catch_warnings(), redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logging.disable(before)
+
+
+def _report(subject: Learnt, path: Path, likeness: Likeness) -> None:
+    sizes = ", ".join(" x ".join(map(str, size)) for size in likeness.sizes)
+    units = {"depth": " mm", "normals": " in a component"}
+    largest = ", ".join(f"{name} {value:.1e}{units[name]}" for name, value in likeness.differences.items())
+    height, width = subject.size_hw
+    engine = FORMATS[path.suffix][1].engine
+    takes = "image and rays" if subject.network.needs_rays else "image"
+    print(f"wrote {path}, {path.stat().st_size / 1e6:.1f} MB: {takes} -> {', '.join(subject.network.tasks)}")
+    print(f"any batch, any size from {LEAST_SIDE} x {LEAST_SIDE}; checked at {sizes}")
+    print(f"largest difference from PyTorch: {largest}")
+    print(
+        f"{engine} takes {likeness.ratio:.2f} of PyTorch's time at {height} x {width} "
+        f"({torch.get_num_threads()} threads)"
+    )

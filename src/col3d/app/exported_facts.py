@@ -1,0 +1,37 @@
+"""What an exported file says of itself, so that it can be used without this code."""
+
+from importlib.metadata import version
+from typing import Any
+
+from col3d.app.learnt import Learnt
+from col3d.geometry.camera_file import plain_from_camera
+
+INPUTS = {
+    "image": "float32 (batch, 3, height, width): RGB in [0, 1]; it is normalised, padded and cropped inside",
+    "rays": "float32 (1, 3, height, width): the unit viewing ray of each pixel of the image",
+}
+OUTPUTS = {
+    "depth": "float32 (batch, 1, height, width): millimetres along the optical axis",
+    "normals": "float32 (batch, 3, height, width): unit vectors that face the camera",
+}
+CONVENTIONS = (
+    "camera axes x right, y down, z forward; pixel centres at integers; millimetres hold for the lens of "
+    "training, on images resized to trained_size"
+)
+
+
+def facts_of(learnt: Learnt) -> dict[str, Any]:
+    """Name, sizes, range, lens, inputs, outputs and conventions, as JSON has them."""
+    given = ("image", "rays") if learnt.network.needs_rays else ("image",)
+    return {
+        "model": learnt.name,
+        "max_depth": learnt.max_depth,
+        "trained_size": list(learnt.size_hw),
+        "trained_on": list(learnt.trained_on),
+        "lenses": [plain_from_camera(camera) for camera in learnt.cameras],
+        "inputs": {name: INPUTS[name] for name in given},
+        "outputs": {name: OUTPUTS[name] for name in learnt.network.tasks},
+        "conventions": CONVENTIONS,
+        "col3d": version("col3d"),
+        "torch": version("torch"),
+    }

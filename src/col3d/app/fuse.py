@@ -1,0 +1,228 @@
+"""One surface of a whole video, from its true depth and from a network's, and how far they are apart."""
+
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, UInt8
+from torch import Tensor
+
+from col3d.app.cameras import camera_at
+from col3d.app.config import FuseOptions
+from col3d.app.errors import check_options
+from col3d.app.learnt import Learnt, learnt
+from col3d.app.provenance import provenance
+from col3d.app.train import check_accelerator, quiet
+from col3d.checks import DataError, UserError
+from col3d.data.c3vd import C3VD, C3VDv2
+from col3d.data.images import read_image
+from col3d.data.octagon import octagon_mask
+from col3d.data.processes import frames_bar
+from col3d.data.resize import Resize
+from col3d.geometry import Camera
+from col3d.reports.fusion import print_fusion
+from col3d.reports.previews import colours
+from col3d.reports.summary import write_json
+
+if TYPE_CHECKING:
+    from col3d.fusion import Surface
+
+INTERRUPTED = 130
+SIZE = (320, 320)
+FAR_OFF = 5.0
+"""Millimetres at the upper end of the colours of errors."""
+COVERAGE, SUMMARY = "coverage_mesh.obj", "fusion.json"
+SURFACES = ("truth.ply", "predicted.ply", "error.ply")
+DATA_SETS: Mapping[str, type[C3VD]] = {"c3vd": C3VD, "c3vdv2": C3VDv2}
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A frame at the network's size, its pose, its true depth and what the network says of it."""
+
+    image: UInt8[Tensor, "3 h w"]
+    depth: Float[Tensor, "1 h w"]
+    mask: Bool[Tensor, "1 h w"]
+    pose: Float[np.ndarray, "4 4"]
+    predicted: Float[Tensor, "1 h w"] | None
+
+
+def fuse(given: Mapping[str, Any]) -> None:
+    """Fuse a video and compare.
+
+    Args:
+        given: the composed configuration as plain values; see `FuseOptions`.
+
+    Raises:
+        UserError: an option breaks a rule, a file is missing or broken, or Open3D is not installed.
+    """
+    quiet()
+    options = check_options(FuseOptions, given)
+    check_accelerator(options.accelerator)
+    if find_spec("open3d") is None:
+        raise UserError("fuse.py needs Open3D: pip install -e '.[fusion]'")
+    try:
+        _fuse(options)
+    except DataError as error:
+        raise UserError(str(error)) from None
+    except KeyboardInterrupt:
+        print("stopped", flush=True)
+        sys.exit(INTERRUPTED)
+
+
+def _fuse(options: FuseOptions) -> None:
+    network, output = _network(options), _make_room(options)
+    frames = _video(options)
+    poses = frames.poses(frames.frames[0].video).numpy()
+    size_hw = network.size_hw if network else _pair(options.size) or SIZE
+    resize = Resize(size_hw, frames.camera)
+    chosen = _chosen(frames, poses, options.frames)
+    seen = list(_seen(frames, chosen, poses, resize, network))
+    camera = resize.resized_camera
+    truth = _surface("truth", seen, [frame.depth for frame in seen], False, camera, options)
+    truth.write(output / "truth.ply")
+    found: dict[str, Any] = {"video": options.video, "frames": len(seen), "voxel_mm": options.voxel}
+    if network is not None:
+        found |= {"model": network.name, "checkpoint": options.checkpoint, "scale": 1.0}
+        found["scale"] = factor = _scale(seen) if options.scale == "median" else 1.0
+        depths = [frame.predicted * factor for frame in seen if frame.predicted is not None]
+        predicted = _surface("prediction", seen, depths, True, camera, options)
+        predicted.write(output / "predicted.ply")
+        predicted.write(output / "error.ply", _error_colours(truth.distance(predicted.vertices)))
+        found["comparisons"] = _compared(truth, predicted, _wall(frames), options.voxel)
+    else:
+        found["comparisons"] = _compared(truth, None, _wall(frames), options.voxel)
+    write_json(output / SUMMARY, {**found, **provenance()})
+    print_fusion(found, [output / name for name in (*SURFACES, SUMMARY) if (output / name).exists()])
+
+
+def _network(options: FuseOptions) -> Learnt | None:
+    if options.checkpoint is None:
+        return None
+    size = _pair(options.size)
+    found = learnt(Path(options.checkpoint), options.published, options.max_depth, size)
+    on_cpu = options.accelerator == "cpu" or not torch.cuda.is_available()
+    found.network.to("cpu" if on_cpu else "cuda")
+    return found
+
+
+def _pair(size: Sequence[int] | None) -> tuple[int, int] | None:
+    return None if size is None else (size[0], size[1])
+
+
+def _make_room(options: FuseOptions) -> Path:
+    output = Path(options.output)
+    if (output / SUMMARY).exists() and not options.overwrite:
+        raise UserError(f"output: {output} holds a fusion already; name another folder or overwrite=true")
+    if output.exists() and not output.is_dir():
+        raise UserError(f"output: {output} is a file; name a folder")
+    for name in (*SURFACES, SUMMARY):
+        (output / name).unlink(missing_ok=True)
+    output.mkdir(parents=True, exist_ok=True)
+    return output
+
+
+def _video(options: FuseOptions) -> C3VD:
+    """The frames of the video, its lens at their size."""
+    path, kind = Path(options.video), DATA_SETS[options.data]
+    root, entry = path.absolute().parent, path.name
+    folder = root / entry.partition(":")[0]
+    images = kind.kinds["color"].find(folder)
+    if not images:
+        raise UserError(f"video: {folder} is no folder of {kind.example}")
+    height, width, _ = read_image(images[min(images)]).shape
+    return kind(root, [entry], normals="none", camera=camera_at(kind.lens(), (height, width)))
+
+
+def _chosen(frames: C3VD, poses: np.ndarray, most: int | None) -> list[int]:
+    """Places of frames, spread evenly over those that have a pose."""
+    posed = [place for place, frame in enumerate(frames.frames) if frame.number < len(poses)]
+    if not posed:
+        raise DataError(f"{frames.root}: none of the {len(poses)} lines of pose.txt is of a frame there")
+    count = min(most or len(posed), len(posed))
+    return [posed[round(place)] for place in np.linspace(0, len(posed) - 1, count)]
+
+
+def _seen(
+    frames: C3VD, chosen: Sequence[int], poses: np.ndarray, resize: Resize, network: Learnt | None
+) -> Iterator[Seen]:
+    camera = resize.resized_camera
+    with frames_bar("read" if network is None else "read and predict") as bar:
+        for place in bar.track(chosen):
+            item = resize.read(frames, place)
+            predicted = None
+            if network is not None:
+                predicted = network.predict(item["image"][None], camera)["depth"][0].cpu()
+            pose = poses[frames.frames[place].number]
+            yield Seen(item["image"], item["depth"], item["mask"], pose, predicted)
+
+
+def _scale(seen: Sequence[Seen]) -> float:
+    """One factor for the whole video: the median over frames of the ratio of medians."""
+    ratios = [
+        (frame.depth[frame.mask].median() / frame.predicted[frame.mask].median()).item()
+        for frame in seen
+        if frame.predicted is not None and frame.mask.any()
+    ]
+    return float(np.median(ratios))
+
+
+def _surface(
+    what: str,
+    seen: Sequence[Seen],
+    depths: Sequence[Tensor],
+    everywhere: bool,
+    camera: Camera,
+    options: FuseOptions,
+) -> "Surface":
+    """The surface of all frames with these depths, of the pixels where the truth is known, or of all."""
+    from col3d.fusion import Volume
+
+    volume, view = Volume(options.voxel), octagon_mask(camera.size_hw)
+    with frames_bar(f"fuse the {what}") as bar:
+        for frame, depth in bar.track(list(zip(seen, depths, strict=True))):
+            mask = view if everywhere else frame.mask
+            near = mask if options.far is None else mask & (depth < options.far)
+            volume.add(depth, near, frame.image, camera, frame.pose)
+    surface = volume.surface()
+    if not len(surface.triangles):
+        raise DataError(f"the {what} gives no surface with voxels of {options.voxel} mm; make voxel= larger")
+    return surface
+
+
+def _wall(frames: C3VD) -> tuple["Surface", "Surface"] | None:
+    """The data set's own mesh of the wall and what was seen of it, where it is there."""
+    from col3d.fusion import read_coverage
+
+    path = frames.root / frames.frames[0].video / COVERAGE
+    return read_coverage(path) if path.is_file() else None
+
+
+def _compared(
+    truth: "Surface",
+    predicted: "Surface | None",
+    wall: tuple["Surface", "Surface"] | None,
+    spacing: float,
+) -> dict[str, dict[str, float]]:
+    """Every comparison that there is something for, by name."""
+    from col3d.fusion import compare
+
+    found = {}
+    if predicted is not None:
+        found["prediction to fused truth"] = compare(predicted, truth, spacing).summary()
+    if wall is not None:
+        whole, seen = wall
+        found[f"truth to {COVERAGE}"] = compare(truth, whole, spacing, seen).summary()
+        if predicted is not None:
+            found[f"prediction to {COVERAGE}"] = compare(predicted, whole, spacing, seen).summary()
+    return found
+
+
+def _error_colours(distances: np.ndarray) -> np.ndarray:
+    steps = (distances / FAR_OFF * 255).clip(0, 255).astype(np.uint8)
+    return colours("magma")[steps]

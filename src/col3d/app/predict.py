@@ -1,0 +1,152 @@
+"""Depth and normals of any images: read, predict and write, one batch after the other."""
+
+import itertools
+import sys
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from col3d.app.cameras import camera_at, lens_of, view_of
+from col3d.app.compiled import compile_network
+from col3d.app.config import PredictOptions
+from col3d.app.errors import check_options
+from col3d.app.learnt import Learnt, learnt
+from col3d.app.predicted import Predicted
+from col3d.app.prediction_folder import PredictionFolder
+from col3d.app.train import check_accelerator, quiet
+from col3d.checks import DataError, UserError
+from col3d.data.ahead import ahead
+from col3d.data.images import ImageSource, Shot, image_source
+from col3d.data.processes import frames_bar
+from col3d.geometry import Camera, PinholeCamera
+
+INTERRUPTED = 130
+READ_AHEAD = 4
+"""Images that are decoded while the network is busy."""
+
+
+def predict(given: Mapping[str, Any]) -> None:
+    """Predict every image of a source and write what is asked for.
+
+    Args:
+        given: the composed configuration as plain values; see `PredictOptions`.
+
+    Raises:
+        UserError: an option breaks a rule, or no image of the source can be read.
+    """
+    quiet()
+    options = check_options(PredictOptions, given)
+    check_accelerator(options.accelerator)
+    lens = lens_of(options.camera)
+    source = _source(options)
+    network = _network(options, lens)
+    _say_what_holds(network, lens)
+    with PredictionFolder(Path(options.output), options, network, source, lens) as folder:
+        stopped = _run(network, source, lens, options, folder)
+    folder.report(stopped)
+    if folder.written == 0:
+        raise UserError(
+            f"input: no image of {options.input} could be predicted; the first: {folder.faults[0]}"
+        )
+    if stopped:
+        sys.exit(INTERRUPTED)
+
+
+def _source(options: PredictOptions) -> ImageSource:
+    try:
+        return image_source(options.input)
+    except DataError as error:
+        raise UserError(str(error)) from None
+
+
+def _network(options: PredictOptions, lens: Camera | None) -> Learnt:
+    height, width = options.size or (None, None)
+    size = None if height is None or width is None else (height, width)
+    found = learnt(Path(options.checkpoint), options.published, options.max_depth, size)
+    if found.network.needs_rays and lens is None:
+        raise UserError(
+            "camera: this network's normals are relative to the viewing rays (model.normal_frame=ray); "
+            "give the camera of the images, such as camera=c3vd"
+        )
+    on_cpu = options.accelerator == "cpu" or not torch.cuda.is_available()
+    found.network.to("cpu" if on_cpu else "cuda")
+    if options.compile:
+        compile_network(found.network, trained=True)
+    return found
+
+
+def _say_what_holds(network: Learnt, lens: Camera | None) -> None:
+    """What the numbers mean with this camera, before they are made."""
+    if lens is None:
+        print("camera: none given; depth is relative and no millimetres are claimed", flush=True)
+    elif network.cameras and not _is_known(lens, network):
+        print(
+            f"camera: not the lens that {network.name} was trained with ({', '.join(network.trained_on)}); "
+            "millimetres are those of a lens that the network has never seen",
+            flush=True,
+        )
+
+
+def _is_known(lens: Camera, network: Learnt) -> bool:
+    """Whether it may be a lens of the training; a pinhole by numbers has no size yet to compare by."""
+    if lens.size_hw == (0, 0):
+        return any(isinstance(known, PinholeCamera) for known in network.cameras)
+    return network.knows(lens)
+
+
+def _run(
+    network: Learnt,
+    source: ImageSource,
+    lens: Camera | None,
+    options: PredictOptions,
+    folder: PredictionFolder,
+) -> bool:
+    """Predict and write; whether Ctrl-C ended it early."""
+    try:
+        with frames_bar("predict") as bar:
+            task = bar.add_task("frames", total=source.count or None)
+            for shots in batched(ahead(source, READ_AHEAD), options.batch_size):
+                for shot, frame in _predicted(network, shots, lens, options):
+                    folder.skip(shot) if frame is None else folder.add(frame)
+                    bar.advance(task)
+    except KeyboardInterrupt:
+        return True
+    return False
+
+
+def batched(shots: Iterable[Shot], most: int) -> Iterator[list[Shot]]:
+    """Images of one size, or one that is broken, together, in their order."""
+    alike = itertools.groupby(shots, lambda shot: None if shot.image is None else shot.image.shape)
+    for shape, group in alike:
+        while batch := list(itertools.islice(group, 1 if shape is None else most)):
+            yield batch
+
+
+def _predicted(
+    network: Learnt, shots: list[Shot], lens: Camera | None, options: PredictOptions
+) -> Iterator[tuple[Shot, Predicted | None]]:
+    """Each image with what is said of it, or None and a fault."""
+    images = [shot.image for shot in shots if shot.image is not None]
+    if not images:
+        yield from ((shot, None) for shot in shots)
+        return
+    size_hw = (images[0].shape[0], images[0].shape[1])
+    try:
+        camera = None if lens is None else camera_at(lens, size_hw)
+    except DataError as error:
+        yield from ((Shot(shot.name, shot.number, None, f"{shot.name}: {error}"), None) for shot in shots)
+        return
+    start = time.perf_counter()
+    batch = torch.stack([torch.from_numpy(np.array(image)).permute(2, 0, 1) for image in images])
+    prediction = network.predict(batch, camera)
+    depth = prediction["depth"][:, 0].cpu().numpy()
+    normals = prediction["normals"].permute(0, 2, 3, 1).cpu().numpy() if "normals" in prediction else None
+    seconds = (time.perf_counter() - start) / len(shots)
+    view = view_of(options.camera, size_hw)
+    mask = None if view is None else view[0].numpy()
+    for i, shot in enumerate(shots):
+        yield shot, Predicted(shot, depth[i], None if normals is None else normals[i], mask, camera, seconds)

@@ -1,0 +1,212 @@
+"""The folder of a prediction: files of each frame, a row for each, a video and a summary of all."""
+
+import csv
+import shutil
+from collections import deque
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+import torch
+from PIL import Image
+
+from col3d.app.config import PredictOptions
+from col3d.app.learnt import Learnt
+from col3d.app.predicted import Clouds, CodeFiles, Pictures, Predicted
+from col3d.app.provenance import provenance
+from col3d.checks import UserError
+from col3d.data.images import ImageSource, Shot
+from col3d.geometry import Camera
+from col3d.geometry.camera_file import plain_from_camera
+from col3d.metrics.functional.flicker import temporal_flicker
+from col3d.reports.summary import write_json
+from col3d.reports.video import VideoWriter
+
+COLUMNS = (
+    *("name", "frame", "height", "width", "unit", "depth_min", "depth_median", "depth_max"),
+    *("out_of_range", "flicker", "seconds", "fault"),
+)
+TABLE, SUMMARY, VIDEO = "predictions.csv", "summary.json", "side_by_side.mp4"
+PARTS = ("frames", "previews", "clouds", TABLE, SUMMARY, VIDEO)
+"""All that is written, and so all that is replaced."""
+ALMOST_ALL = 0.99
+"""Share of the network's largest depth from which a pixel counts as out of its range."""
+FPS = 15.0
+EVERY = 4
+"""Pixels from one at which flicker is measured to the next."""
+MOST_FAULTS = 5
+"""Images that are named on screen as skipped."""
+PENDING = 8
+"""Frames whose files may wait for the disk."""
+
+
+class PredictionFolder:
+    """Writes predictions as they come; used as a context.
+
+    Args:
+        path: of the folder.
+        options: what is to be written.
+        network: that predicts.
+        source: of the images.
+        lens: of their camera; None where unknown.
+
+    Raises:
+        UserError: an earlier prediction is there.
+    """
+
+    def __init__(
+        self, path: Path, options: PredictOptions, network: Learnt, source: ImageSource, lens: Camera | None
+    ) -> None:
+        _make_room(path, options.overwrite)
+        self.path, self.network, self.source, self.lens, self.options = path, network, source, lens, options
+        self.unit = "relative" if lens is None else "mm"
+        self.is_series = source.is_video if options.video == "auto" else options.video
+        span = (options.range[0], options.range[1]) if options.range else None
+        self.pictures = Pictures(span, self.unit, self.is_series)
+        self.video = VideoWriter(path / VIDEO, options.fps or source.fps or FPS)
+        self.files = CodeFiles(path, network.max_depth) if options.files else None
+        self.clouds = Clouds(path) if options.clouds else None
+        if options.previews:
+            (path / "previews").mkdir(exist_ok=True)
+        self.table = (path / TABLE).open("w", encoding="utf-8", newline="")
+        self.rows = csv.DictWriter(self.table, COLUMNS)
+        self.rows.writeheader()
+        self.pool, self.pending = ThreadPoolExecutor(2), deque[Future[None]]()
+        self.recent: deque[tuple[dict[str, Any], torch.Tensor | None]] = deque(maxlen=3)
+        self.written, self.faults, self.flicker = 0, list[str](), list[float]()
+        self.seconds: list[float] = []
+
+    def __enter__(self) -> "PredictionFolder":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Wait for the disk, and close what is open."""
+        self.pool.shutdown(wait=True, cancel_futures=error is not None)
+        if error is None:
+            self._wait(0)
+            self._write_row()
+        self.table.close()
+        self.video.close()
+
+    def add(self, frame: Predicted) -> None:
+        """Write a frame."""
+        name, number = frame.shot.name, frame.shot.number
+        depth = frame.counting
+        row = {
+            "name": name,
+            "frame": number,
+            **dict(zip(("height", "width"), frame.depth.shape, strict=True)),
+            "unit": self.unit,
+            "depth_min": f"{depth.min():.3f}",
+            "depth_median": f"{np.median(depth):.3f}",
+            "depth_max": f"{depth.max():.3f}",
+            "out_of_range": f"{(depth >= ALMOST_ALL * self.network.max_depth).mean():.4f}",
+            "seconds": f"{frame.seconds:.4f}",
+        }
+        page = self.pictures(frame) if self.is_series or self.options.previews else None
+        if self.is_series and page is not None:
+            self.video.add(page)
+        with_cloud = self.clouds is not None and self.written % self.options.clouds == 0
+        self.pending.append(self.pool.submit(self._write_files, frame, page, with_cloud))
+        self._wait(PENDING)
+        self._add_row(row, _sparse(frame))
+        self.written += 1
+        self.seconds.append(frame.seconds)
+
+    def skip(self, shot: Shot) -> None:
+        """Note an image that could not be read."""
+        self.faults.append(shot.fault)
+        self._add_row({"name": shot.name, "frame": shot.number, "fault": shot.fault}, None)
+
+    def _write_files(self, frame: Predicted, page: np.ndarray | None, with_cloud: bool) -> None:
+        if self.files is not None:
+            self.files(frame)
+        if self.clouds is not None and with_cloud:
+            self.clouds(frame)
+        if self.options.previews and page is not None:
+            Image.fromarray(page).save(self.path / "previews" / f"{frame.shot.name}.png")
+
+    def _wait(self, most: int) -> None:
+        """For the disk, until so many frames are on their way; what failed there is raised here."""
+        while len(self.pending) > most:
+            self.pending.popleft().result()
+
+    def _add_row(self, row: dict[str, Any], depth: torch.Tensor | None) -> None:
+        """A row is written when the next frame has come, which its flicker needs."""
+        self.recent.append((row, depth))
+        maps = [values for _, values in self.recent if values is not None]
+        if self.is_series and len(maps) == 3 and len({values.shape for values in maps}) == 1:
+            flicker = temporal_flicker(*maps).item()
+            self.recent[1][0]["flicker"] = f"{flicker:.3f}"
+            self.flicker.append(flicker)
+        if len(self.recent) > 1:
+            self._write_row(-2)
+
+    def _write_row(self, place: int = -1) -> None:
+        if self.recent:
+            self.rows.writerow(self.recent[place][0])
+            self.table.flush()
+
+    def report(self, stopped: bool) -> None:
+        """Write the summary, and say on screen what is there."""
+        flicker = float(np.mean(self.flicker)) if self.flicker else None
+        write_json(self.path / SUMMARY, self._summary(stopped, flicker))
+        for fault in self.faults[:MOST_FAULTS]:
+            print(f"skipped: {fault}", flush=True)
+        if len(self.faults) > MOST_FAULTS:
+            print(f"skipped: {len(self.faults) - MOST_FAULTS} more, see {TABLE}", flush=True)
+        if not self.written:
+            return
+        line = f"predicted {self.written} frames, {np.median(self.seconds):.3f} s each in the network"
+        if flicker is not None:
+            line += f"; depth flickers by {flicker:.2f} % from frame to frame (median over pixels)"
+        print(line + ("; stopped by Ctrl-C" if stopped else ""))
+        made = [self.path / part for part in PARTS if (self.path / part).exists()]
+        print("wrote", *map(str, made), sep="\n  ", flush=True)
+
+    def _summary(self, stopped: bool, flicker: float | None) -> dict[str, Any]:
+        scale = f"{self.network.max_depth:g} {self.unit}"
+        return {
+            "input": self.options.input,
+            "checkpoint": self.options.checkpoint,
+            "model": self.network.name,
+            "trained_on": list(self.network.trained_on),
+            "size": list(self.network.size_hw),
+            "camera": None if self.lens is None else plain_from_camera(self.lens),
+            "metric": self.lens is not None,
+            "unit": self.unit,
+            "depth_codes": f"depth = code / 65535 * {scale}; 0 where the endoscope shows nothing",
+            "normal_codes": "n = code / 65535 * 2 - 1; x right, y down, z into the scene",
+            "frames": self.written,
+            "skipped": len(self.faults),
+            "stopped": stopped,
+            "flicker_percent": flicker,
+            "seconds_per_frame": float(np.median(self.seconds)) if self.seconds else None,
+            "video_code": self.video.code or None,
+            **provenance(),
+        }
+
+
+def _sparse(frame: Predicted) -> torch.Tensor:
+    """Depth (1, 1, h, w) of every fourth pixel each way, NaN where the endoscope shows nothing."""
+    depth = torch.from_numpy(frame.depth)[::EVERY, ::EVERY]
+    if frame.mask is not None:
+        depth = depth.masked_fill(~torch.from_numpy(frame.mask)[::EVERY, ::EVERY], torch.nan)
+    return depth[None, None]
+
+
+def _make_room(path: Path, overwrite: bool) -> None:
+    """Refuse to mix two predictions, or to delete what is none."""
+    if path.exists() and not path.is_dir():
+        raise UserError(f"output: {path} is a file; name a folder")
+    there = [part for part in PARTS if (path / part).exists()]
+    if there and not overwrite:
+        raise UserError(f"output: {path} holds a prediction already; name another folder or overwrite=true")
+    for part in there:
+        found = path / part
+        shutil.rmtree(found) if found.is_dir() else found.unlink()
+    path.mkdir(parents=True, exist_ok=True)

@@ -1,0 +1,37 @@
+"""Files of torch.export: a program that torch runs without this code."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch.export import ExportedProgram
+
+FACTS = "col3d.json"
+
+
+def write_program(program: ExportedProgram, path: Path, facts: Mapping[str, Any]) -> None:
+    """Write the program with its weights, and the facts as JSON inside.
+
+    It is read by `torch.export.load(path, extra_files={"col3d.json": ""}).module(check_guards=False)`: guards
+    are of the memory's layout in the trace, and would refuse other sizes.
+    """
+    torch.export.save(program, path, extra_files={FACTS: json.dumps(facts)})
+
+
+class ProgramFile:
+    """Such a file on the CPU."""
+
+    engine = "torch.export"
+
+    def __init__(self, path: Path) -> None:
+        self.program = torch.export.load(path).module(check_guards=False)
+
+    @torch.inference_mode()
+    def __call__(self, inputs: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Arrays by name -> arrays by name."""
+        given = {name: torch.from_numpy(values) for name, values in inputs.items()}
+        found = self.program(given["image"], rays=given.get("rays"))
+        return {name: values.numpy() for name, values in found.items()}

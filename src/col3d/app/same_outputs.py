@@ -1,0 +1,114 @@
+"""Whether an exported file says what PyTorch says: at several sizes, on noise and on a frame of a colon."""
+
+import statistics
+import tempfile
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from col3d.app.learnt import Learnt
+from col3d.app.traced import LEAST_SIDE, sample
+from col3d.checks import UserError
+from col3d.data.images import read_image
+from col3d.data.phantom import PhantomSettings, render_phantom
+from col3d.data.resize import resized_image
+
+TOLERANCE = {"depth": 1e-5, "normals": 1e-4}
+"""Largest difference: of depth as a share of the largest depth, of normals in each component."""
+NOISE = ((1, LEAST_SIDE, 130), (3, 75, 101), (2, 224, 97))
+"""Batches, heights and widths that are no multiples of what networks pad to."""
+TURNS = 5
+
+
+class File(Protocol):
+    """An exported file, opened."""
+
+    engine: str
+
+    def __call__(self, inputs: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Arrays by name -> arrays by name."""
+        ...
+
+
+@dataclass(frozen=True)
+class Likeness:
+    """How an exported file compares.
+
+    Attributes:
+        sizes: batch, height and width of what was tried.
+        differences: the largest of each output, in mm and as components of unit vectors.
+        ratio: its time over PyTorch's, for one frame of the training's size.
+    """
+
+    sizes: Sequence[tuple[int, int, int]]
+    differences: Mapping[str, float]
+    ratio: float
+
+
+def compare(learnt: Learnt, file: File) -> Likeness:
+    """Hold an exported file against the network that it is of.
+
+    Raises:
+        UserError: they differ.
+    """
+    differences = dict.fromkeys(learnt.network.tasks, 0.0)
+    sizes = []
+    for image in (*_noise(), frame := _frame(learnt.size_hw)):
+        inputs = sample(learnt.network, image, next(iter(learnt.cameras), None))
+        found = _differences(learnt, file, inputs)
+        _refuse(found, learnt.max_depth, tuple(image.shape))
+        differences = {name: max(largest, found[name]) for name, largest in differences.items()}
+        sizes.append((image.shape[0], image.shape[2], image.shape[3]))
+    return Likeness(sizes, differences, _ratio(learnt, file, frame))
+
+
+def _noise() -> list[Tensor]:
+    generator = torch.Generator().manual_seed(0)
+    return [torch.rand(batch, 3, height, width, generator=generator) for batch, height, width in NOISE]
+
+
+def _frame(size_hw: tuple[int, int]) -> Tensor:
+    """A frame of the phantom at this size, as networks see it."""
+    settings = PhantomSettings(frames_per_video=1, videos=("cecum_t1_a",))
+    with tempfile.TemporaryDirectory() as folder:
+        render_phantom(Path(folder), settings, workers=1, progress=False)
+        pixels = read_image(Path(folder) / "cecum_t1_a" / "0000_color.png")
+    image = torch.from_numpy(pixels.copy()).permute(2, 0, 1)[None]
+    return resized_image(image, size_hw).float() / 255
+
+
+@torch.inference_mode()
+def _differences(learnt: Learnt, file: File, inputs: Mapping[str, Tensor]) -> dict[str, float]:
+    expected = learnt.network(**inputs)
+    found = file({name: values.numpy() for name, values in inputs.items()})
+    return {name: float(np.abs(found[name] - expected[name].numpy()).max()) for name in learnt.network.tasks}
+
+
+def _refuse(differences: Mapping[str, float], max_depth: float, shape: tuple[int, ...]) -> None:
+    allowed = {"depth": TOLERANCE["depth"] * max_depth, "normals": TOLERANCE["normals"]}
+    for name, difference in differences.items():
+        if not difference <= allowed[name]:  # so that NaN is refused
+            raise UserError(
+                f"export: {name} of {shape[0]} x {shape[2]} x {shape[3]} differs from PyTorch's by "
+                f"{difference:.2g}, and {allowed[name]:.2g} is allowed; nothing was written"
+            )
+
+
+@torch.inference_mode()
+def _ratio(learnt: Learnt, file: File, frame: Tensor) -> float:
+    inputs = sample(learnt.network, frame)
+    arrays = {name: values.numpy() for name, values in inputs.items()}
+    ways: list[Callable[[], object]] = [lambda: file(arrays), lambda: learnt.network(**inputs)]
+    times: list[list[float]] = [[], []]
+    for _ in range(TURNS):
+        for way, taken in zip(ways, times, strict=True):
+            start = time.perf_counter()
+            way()
+            taken.append(time.perf_counter() - start)
+    return statistics.median(times[0]) / statistics.median(times[1])

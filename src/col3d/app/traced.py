@@ -1,0 +1,41 @@
+"""A network as a graph, traced once, that holds for batches and images of any size."""
+
+import torch
+from torch import Tensor
+from torch.export import Dim, ExportedProgram, export
+
+from col3d.geometry import Camera, OmnidirectionalCamera
+from col3d.layers.network import DepthNetwork
+
+TRACED = (2, 250, 330)
+"""Batch, height and width of the trace. At 1/32 NeWCRFs has several windows of it: what is one in a trace
+counts as one for ever."""
+LEAST_SIDE = 33
+"""Pixels of a side from which a traced program is known to hold; below, a map at 1/32 has one row."""
+
+
+def sample(network: DepthNetwork, image: Tensor, lens: Camera | None = None) -> dict[str, Tensor]:
+    """The inputs of a network by name: images, and the rays of a lens where it needs them.
+
+    Args:
+        network: gives `needs_rays`.
+        image: RGB in [0, 1], (b, 3, h, w).
+        lens: at any size; C3VD's when absent.
+    """
+    if not network.needs_rays:
+        return {"image": image}
+    camera = (lens or OmnidirectionalCamera.c3vd()).resized((image.shape[2], image.shape[3]))
+    return {"image": image, "rays": camera.rays()[None]}
+
+
+def traced(network: DepthNetwork) -> ExportedProgram:
+    """The network, in evaluation mode on the CPU, as a program whose batch, height and width stay open.
+
+    Layers take their plain forms where `torch.compiler.is_exporting()`.
+    """
+    batch, height, width = TRACED
+    given = sample(network, torch.rand(batch, 3, height, width))
+    open_sides = {2: Dim.DYNAMIC, 3: Dim.DYNAMIC}
+    sizes = {"image": {0: Dim.DYNAMIC, **open_sides}, "rays": open_sides}
+    asked = {name: sizes[name] if name in given else None for name in sizes}
+    return export(network, (given["image"],), {"rays": given.get("rays")}, dynamic_shapes=asked, strict=False)

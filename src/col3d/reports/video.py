@@ -1,0 +1,61 @@
+"""Pictures as a video file, in the best code that OpenCV can write on this machine."""
+
+import os
+from pathlib import Path
+
+os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # before its first use: an absent encoder is no news
+
+import cv2
+import numpy as np
+from jaxtyping import UInt8
+
+CODES = ("avc1", "vp09", "mp4v")
+"""H.264, which everything plays; VP9, which browsers and VLC play; MPEG-4, which OpenCV always has."""
+
+
+class VideoWriter:
+    """Appends pictures of one size to an MP4 file.
+
+    Args:
+        path: of the file, which is there under another name until `close`.
+        fps: pictures a second.
+    """
+
+    def __init__(self, path: Path, fps: float) -> None:
+        self.path, self.fps = path, fps
+        self.partial = path.with_name(f".{path.name}.partial.mp4")
+        self.code, self.size_hw = "", (0, 0)
+        self.writer: cv2.VideoWriter | None = None
+
+    def add(self, picture: UInt8[np.ndarray, "h w 3"]) -> None:
+        """Append a picture, RGB with even sides; one of another size than the first is fitted into its size.
+
+        Raises:
+            OSError: no code can be written here.
+        """
+        if self.writer is None:
+            self.size_hw = (picture.shape[0], picture.shape[1])
+            self.code, self.writer = _opened(self.partial, self.fps, self.size_hw)
+        elif picture.shape[:2] != self.size_hw:
+            picture = cv2.resize(picture, self.size_hw[::-1], interpolation=cv2.INTER_AREA)
+        self.writer.write(picture[..., ::-1])
+
+    def close(self) -> None:
+        """Finish the file; none is left where nothing was added."""
+        if self.writer is not None:
+            self.writer.release()
+            self.partial.replace(self.path)
+
+
+def _opened(path: Path, fps: float, size_hw: tuple[int, int]) -> tuple[str, cv2.VideoWriter]:
+    level = cv2.utils.logging.getLogLevel()
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    try:
+        for code in CODES:
+            writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*code), fps, size_hw[::-1])
+            if writer.isOpened():
+                return code, writer
+            path.unlink(missing_ok=True)
+    finally:
+        cv2.utils.logging.setLogLevel(level)
+    raise OSError(f"{path}: OpenCV can write none of {', '.join(CODES)} here")

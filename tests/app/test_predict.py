@@ -1,0 +1,196 @@
+"""Images, folders, patterns and videos become depth, normals, pictures, clouds and a table."""
+
+import csv
+import json
+import math
+import shutil
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import torch
+import trimesh
+from PIL import Image
+from tiny_run import composed
+
+from col3d.app.learnt import learnt
+from col3d.app.predict import predict
+from col3d.checks import UserError
+from col3d.data.c3vd import C3VD
+from col3d.data.files import read_rgb
+from col3d.data.octagon import octagon_mask
+from col3d.data.release import house_normals
+from col3d.geometry import OmnidirectionalCamera, points_from_depth
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*pin_memory.*")
+LENS = OmnidirectionalCamera.c3vd().resized((64, 80))
+
+
+def predicted(checkpoint: Path, source: Path | str, folder: Path, *overrides: str) -> list[dict[str, str]]:
+    """The rows of a prediction."""
+    place = (f"checkpoint={checkpoint}", f"input={source}", f"output={folder}", "accelerator=cpu")
+    predict(composed("predict", *place, *overrides))
+    with (folder / "predictions.csv").open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def summary(folder: Path) -> dict[str, object]:
+    content: dict[str, object] = json.loads((folder / "summary.json").read_text())
+    return content
+
+
+def test_a_video_of_c3vd_is_read_back_as_c3vd(
+    tiny_checkpoint: Path, phantom_root: Path, tmp_path: Path
+) -> None:
+    video = phantom_root / "desc_t4_a"
+    rows = predicted(tiny_checkpoint, video, tmp_path / "out", "camera=c3vd", "clouds=2", "batch_size=2")
+    assert [(row["name"], row["unit"], row["fault"]) for row in rows] == [
+        ("0000", "mm", ""),
+        ("0001", "mm", ""),
+        ("0002", "mm", ""),
+    ]
+    assert [bool(row["flicker"]) for row in rows] == [False, True, False]
+    copy = tmp_path / "as_c3vd" / "desc_t4_a"
+    shutil.copytree(tmp_path / "out" / "frames", copy)
+    for path in video.glob("*_color.png"):
+        shutil.copy(path, copy)
+    frames = C3VD(tmp_path / "as_c3vd", ["desc_t4_a"], release="current", normals="none", camera=LENS)
+    item, files = frames[1], frames.kinds["normals"].find(copy)
+    normals = house_normals(read_rgb(files[1], (64, 80), np.uint16), "current")
+    network = learnt(tiny_checkpoint)
+    image = torch.from_numpy(np.array(Image.open(video / "0001_color.png"))).permute(2, 0, 1)
+    known = network.predict(image[None], LENS)
+    mask = octagon_mask((64, 80))
+    assert torch.equal(item["mask"], mask)
+    assert torch.allclose(item["depth"][mask], known["depth"][0][mask], atol=100 / 65535)
+    assert torch.allclose(normals[:, mask[0]], known["normals"][0][:, mask[0]], atol=1e-4)
+    cloud = trimesh.load(tmp_path / "out" / "clouds" / "0000.ply")
+    assert len(cloud.vertices) == int(mask.sum())
+    assert sorted(path.name for path in (tmp_path / "out" / "clouds").iterdir()) == ["0000.ply", "0002.ply"]
+    facts = summary(tmp_path / "out")
+    assert (facts["metric"], facts["frames"], facts["skipped"]) == (True, 3, 0)
+    capture = cv2.VideoCapture(str(tmp_path / "out" / "side_by_side.mp4"))
+    assert capture.get(cv2.CAP_PROP_FRAME_COUNT) == 3
+
+
+def test_points_lie_on_the_rays_of_the_camera(
+    tiny_checkpoint: Path, phantom_root: Path, tmp_path: Path
+) -> None:
+    image = phantom_root / "desc_t4_a" / "0000_color.png"
+    predicted(tiny_checkpoint, image, tmp_path, "camera=[60,61,40,33]", "clouds=1", "files=false")
+    cloud = trimesh.load(tmp_path / "clouds" / "0000_color.ply")
+    points = np.asarray(cloud.vertices).reshape(64, 80, 3)
+    v, u = np.mgrid[:64, :80]
+    assert np.allclose(points[..., 0] / points[..., 2], (u - 40) / 60, atol=1e-5)
+    assert np.allclose(points[..., 1] / points[..., 2], (v - 33) / 61, atol=1e-5)
+    colours = np.asarray(cloud.colors)[:, :3].reshape(64, 80, 3)
+    assert np.array_equal(colours, np.asarray(Image.open(image)))
+    assert not (tmp_path / "frames").exists()
+
+
+def test_without_a_camera_no_millimetres_are_claimed(
+    tiny_checkpoint: Path, phantom_root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = predicted(tiny_checkpoint, phantom_root / "desc_t4_a" / "0000_color.png", tmp_path)
+    assert [row["unit"] for row in rows] == ["relative"]
+    facts = summary(tmp_path)
+    assert (facts["metric"], facts["camera"]) == (False, None)
+    assert "relative" in str(facts["depth_codes"])
+    assert "no millimetres are claimed" in capsys.readouterr().out
+    with pytest.raises(UserError, match="clouds: points need viewing rays"):
+        predicted(tiny_checkpoint, phantom_root, tmp_path / "other", "clouds=1")
+
+
+def test_another_lens_is_said(
+    tiny_checkpoint: Path, phantom_root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    image = phantom_root / "desc_t4_a" / "0000_color.png"
+    predicted(tiny_checkpoint, image, tmp_path / "a", "camera=c3vd")
+    assert "not the lens" not in capsys.readouterr().out
+    predicted(tiny_checkpoint, image, tmp_path / "b", "camera=c3vdv2")
+    assert "not the lens that col3d_mtl was trained with (phantom)" in capsys.readouterr().out
+
+
+def test_broken_images_are_reported_and_skipped(
+    tiny_checkpoint: Path, phantom_root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "in"
+    folder.mkdir()
+    for number in (2, 10):
+        shutil.copy(phantom_root / "desc_t4_a" / "0000_color.png", folder / f"shot_{number}.png")
+    content = (folder / "shot_2.png").read_bytes()
+    (folder / "shot_3.png").write_bytes(content[: len(content) // 2])
+    (folder / "shot_4.jpg").write_text("no image")
+    Image.fromarray(np.zeros((48, 48, 3), np.uint8)).save(folder / "shot_5.bmp")
+    rows = predicted(tiny_checkpoint, folder, tmp_path / "out", "camera=c3vd")
+    assert [row["name"] for row in rows] == ["shot_2", "shot_3", "shot_4", "shot_5", "shot_10"]
+    assert [bool(row["fault"]) for row in rows] == [False, True, True, True, False]
+    assert "the lens is of 1080 x 1350 pixels and the image of 48 x 48" in rows[3]["fault"]
+    assert summary(tmp_path / "out")["skipped"] == 3
+    assert capsys.readouterr().out.count("skipped: ") == 3
+    assert not (tmp_path / "out" / "side_by_side.mp4").exists()
+    (tmp_path / "bad").mkdir()
+    (tmp_path / "bad" / "a.png").write_text("no image")
+    with pytest.raises(UserError, match=r"no image of .*bad could be predicted; the first: .*a\.png"):
+        predicted(tiny_checkpoint, tmp_path / "bad", tmp_path / "nothing")
+
+
+def test_a_video_file_and_a_pattern(tiny_checkpoint: Path, tmp_path: Path) -> None:
+    writer = cv2.VideoWriter(str(tmp_path / "clip.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 12, (96, 64))
+    for shade in (40, 90, 140, 190):
+        writer.write(np.full((64, 96, 3), shade, np.uint8))
+        cv2.imwrite(str(tmp_path / f"still_{shade}.png"), np.full((64, 96, 3), shade, np.uint8))
+    writer.release()
+    rows = predicted(tiny_checkpoint, tmp_path / "clip.avi", tmp_path / "out")
+    assert [row["frame"] for row in rows] == ["0", "1", "2", "3"]
+    assert cv2.VideoCapture(str(tmp_path / "out" / "side_by_side.mp4")).get(cv2.CAP_PROP_FPS) == 12
+    assert not math.isnan(float(str(summary(tmp_path / "out")["flicker_percent"])))
+    stills = predicted(
+        tiny_checkpoint, f"{tmp_path}/still_*.png", tmp_path / "stills", "video=true", "range=[0,50]"
+    )
+    assert [row["name"] for row in stills] == ["still_40", "still_90", "still_140", "still_190"]
+    assert (tmp_path / "stills" / "side_by_side.mp4").exists()
+
+
+@pytest.mark.parametrize(
+    ("overrides", "said"),
+    [
+        (["camera=endoscope"], "camera: 'endoscope' is no file and no known lens"),
+        (["camera=[1,2]"], r"camera: expected \[fx,fy,cx,cy\]"),
+        (["range=[5,5]"], "range: expected .* low below high"),
+        (["max_depth=50"], "max_depth: our checkpoints know theirs"),
+    ],
+)
+def test_what_cannot_be_is_refused(
+    overrides: list[str], said: str, tiny_checkpoint: Path, phantom_root: Path, tmp_path: Path
+) -> None:
+    with pytest.raises(UserError, match=said):
+        predicted(tiny_checkpoint, phantom_root / "desc_t4_a", tmp_path / "out", *overrides)
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_earlier_prediction_stays(tiny_checkpoint: Path, phantom_root: Path, tmp_path: Path) -> None:
+    image = phantom_root / "desc_t4_a" / "0000_color.png"
+    (tmp_path / "mine.txt").write_text("kept")
+    predicted(tiny_checkpoint, image, tmp_path)
+    with pytest.raises(UserError, match="holds a prediction already"):
+        predicted(tiny_checkpoint, image, tmp_path)
+    predicted(tiny_checkpoint, image, tmp_path, "overwrite=true", "previews=false")
+    assert (tmp_path / "mine.txt").read_text() == "kept"
+    assert not (tmp_path / "previews").exists()
+    with pytest.raises(UserError, match="input: no such file or folder"):
+        predicted(tiny_checkpoint, tmp_path / "absent.png", tmp_path / "other")
+
+
+def test_prediction_at_an_image_of_the_networks_size_is_the_networks(tiny_checkpoint: Path) -> None:
+    network = learnt(tiny_checkpoint)
+    images = torch.randint(0, 256, (2, 3, 64, 80), dtype=torch.uint8)
+    whole = network.predict(images, LENS)
+    with torch.inference_mode():
+        own = network.network(images.float() / 255, LENS.rays())
+    assert torch.equal(whole["depth"], own["depth"])
+    points = points_from_depth(whole["depth"], LENS.rays())
+    assert points.shape == (2, 3, 64, 80)
+    with pytest.raises(ValueError, match="camera: expected one of"):
+        network.predict(images, LENS.resized((32, 40)))
