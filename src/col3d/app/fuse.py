@@ -25,8 +25,8 @@ from col3d.data.octagon import octagon_mask
 from col3d.data.processes import frames_bar
 from col3d.data.resize import Resize
 from col3d.geometry import Camera
-from col3d.reports.fusion import print_fusion
-from col3d.reports.previews import colours
+from col3d.reports.fusion import print_fusion, write_fusion_page
+from col3d.reports.scenes import Cloud, Scene, error_colours, thinned
 from col3d.reports.summary import write_json
 
 if TYPE_CHECKING:
@@ -36,8 +36,10 @@ INTERRUPTED = 130
 SIZE = (320, 320)
 FAR_OFF = 5.0
 """Millimetres at the upper end of the colours of errors."""
-COVERAGE, SUMMARY = "coverage_mesh.obj", "fusion.json"
-SURFACES = ("truth.ply", "predicted.ply", "error.ply")
+SHOWN = 60_000
+"""Points of a surface in the page."""
+COVERAGE, SUMMARY, PAGE = "coverage_mesh.obj", "fusion.json", "fusion.html"
+WRITTEN = (PAGE, SUMMARY, "truth.ply", "predicted.ply", "error.ply")
 DATA_SETS: Mapping[str, type[C3VD]] = {"c3vd": C3VD, "c3vdv2": C3VDv2}
 
 
@@ -86,6 +88,7 @@ def _fuse(options: FuseOptions) -> None:
     camera = resize.resized_camera
     truth = _surface("truth", seen, [frame.depth for frame in seen], False, camera, options)
     truth.write(output / "truth.ply")
+    clouds = [_cloud("true depth", truth)]
     found: dict[str, Any] = {"video": options.video, "frames": len(seen), "voxel_mm": options.voxel}
     if network is not None:
         found |= {"model": network.name, "checkpoint": options.checkpoint, "scale": 1.0}
@@ -93,12 +96,16 @@ def _fuse(options: FuseOptions) -> None:
         depths = [frame.predicted * factor for frame in seen if frame.predicted is not None]
         predicted = _surface("prediction", seen, depths, True, camera, options)
         predicted.write(output / "predicted.ply")
-        predicted.write(output / "error.ply", _error_colours(truth.distance(predicted.vertices)))
+        off = truth.distance(predicted.vertices)
+        predicted.write(output / "error.ply", error_colours(off, FAR_OFF))
+        clouds.append(_cloud("prediction", predicted, error_colours(off, FAR_OFF)))
         found["comparisons"] = _compared(truth, predicted, _wall(frames), options.voxel)
     else:
         found["comparisons"] = _compared(truth, None, _wall(frames), options.voxel)
     write_json(output / SUMMARY, {**found, **provenance()})
-    print_fusion(found, [output / name for name in (*SURFACES, SUMMARY) if (output / name).exists()])
+    scene = Scene(Path(options.video).name, tuple(clouds), FAR_OFF, from_camera=False)
+    write_fusion_page(output / PAGE, found, scene)
+    print_fusion(found, [output / name for name in WRITTEN if (output / name).exists()])
 
 
 def _network(options: FuseOptions) -> Learnt | None:
@@ -121,7 +128,7 @@ def _make_room(options: FuseOptions) -> Path:
         raise UserError(f"output: {output} holds a fusion already; name another folder or overwrite=true")
     if output.exists() and not output.is_dir():
         raise UserError(f"output: {output} is a file; name a folder")
-    for name in (*SURFACES, SUMMARY):
+    for name in WRITTEN:
         (output / name).unlink(missing_ok=True)
     output.mkdir(parents=True, exist_ok=True)
     return output
@@ -223,6 +230,8 @@ def _compared(
     return found
 
 
-def _error_colours(distances: np.ndarray) -> np.ndarray:
-    steps = (distances / FAR_OFF * 255).clip(0, 255).astype(np.uint8)
-    return colours("magma")[steps]
+def _cloud(name: str, surface: "Surface", error: np.ndarray | None = None) -> Cloud:
+    """Some of its corners, for the page."""
+    kept = thinned(len(surface.vertices), SHOWN)
+    assert surface.colours is not None
+    return Cloud(name, surface.vertices[kept], surface.colours[kept], None if error is None else error[kept])

@@ -139,12 +139,17 @@ class PredictionFolder:
         """A row is written when the next frame has come, which its flicker needs."""
         self.recent.append((row, depth))
         maps = [values for _, values in self.recent if values is not None]
-        if self.is_series and len(maps) == 3 and len({values.shape for values in maps}) == 1:
+        if self.is_series and len(maps) == 3 and self._follow() and len({m.shape for m in maps}) == 1:
             flicker = temporal_flicker(*maps).item()
             self.recent[1][0]["flicker"] = f"{flicker:.3f}"
             self.flicker.append(flicker)
         if len(self.recent) > 1:
             self._write_row(-2)
+
+    def _follow(self) -> bool:
+        """Whether no frame is missing between the last three."""
+        first, _, last = (row["frame"] for row, _ in self.recent)
+        return int(last - first) == 2
 
     def _write_row(self, place: int = -1) -> None:
         if self.recent:

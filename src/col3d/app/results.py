@@ -12,6 +12,7 @@ from col3d.app.scored import Scored
 from col3d.callbacks import ImagePanels, PerFrameTable
 from col3d.data.splits import describe
 from col3d.reports.per_frame import means
+from col3d.reports.run_page import PAGE, write_run_page
 from col3d.reports.summary import print_summary, summarise, write_json
 
 Facts = dict[str, str | int]
@@ -88,12 +89,14 @@ class Results:
                 logger.log_image("panels", [str(path) for path in self.panels.paths])
         write_json(self.folder / "summary.json", summary)
         print_summary(summary)
+        write_run_page(self.folder)
         self._print_paths(checkpoint)
         return summary
 
     def _print_paths(self, checkpoint: Path) -> None:
         wrote = [
-            self.folder / name for name in ("summary.json", "per_frame.csv", "metrics.csv", "config.yaml")
+            self.folder / name
+            for name in (PAGE, "summary.json", "per_frame.csv", "metrics.csv", "config.yaml")
         ]
         lines = [str(path) for path in (*wrote, self.folder / "panels", checkpoint) if path.exists()]
         print("wrote", *lines, sep="\n  ", flush=True)

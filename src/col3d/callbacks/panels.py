@@ -1,4 +1,4 @@
-"""Pictures of a few test frames."""
+"""Pictures of a few test frames, and their points for the page of a run."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,12 +9,13 @@ from lightning import Callback, LightningModule, Trainer
 from torch import Tensor
 
 from col3d.batch import Batch, Prediction
-from col3d.geometry import angle_between
+from col3d.geometry import angle_between, points_from_depth
 from col3d.reports.panel import save_panel
+from col3d.reports.scenes import save_frame
 
 
 class ImagePanels(Callback):
-    """Saves panels of frames spread evenly over the test set.
+    """Saves panels and points of frames spread evenly over the test set.
 
     Args:
         folder: where they go.
@@ -60,8 +61,20 @@ class ImagePanels(Callback):
                 if "angle_mean" in errors:
                     title += f", mean angle {errors['angle_mean']:.1f} degrees"
                 save_panel(path, _maps(batch, prediction, i), title)
+                _save_points(path.with_suffix(".npz"), batch, prediction, i)
                 self.paths.append(path)
         self.seen += len(batch["video"])
+
+
+def _save_points(path: Path, batch: Batch, prediction: Prediction, index: int) -> None:
+    """Keep the points of the pixels that count."""
+    mask, rays = batch["mask"][index, 0], batch["rays"][index : index + 1]
+    truth, guess = (
+        points_from_depth(depth[index : index + 1].float(), rays)[0][:, mask].T.cpu().numpy()
+        for depth in (batch["depth"], prediction["depth"])
+    )
+    seen = (batch["image"][index][:, mask].T * 255).round().clamp(0, 255).byte().cpu().numpy()
+    save_frame(path, truth, guess, seen)
 
 
 def _maps(batch: Any, prediction: Any, index: int) -> dict[str, np.ndarray]:

@@ -1,4 +1,4 @@
-"""What a fusion found, on screen."""
+"""What a fusion found: on screen, and as a page whose surfaces one can turn."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -7,6 +7,9 @@ from typing import Any
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
+
+from col3d.reports.run_page import as_script, write_page
+from col3d.reports.scenes import Scene
 
 ROWS = {
     "accuracy_mean_mm": "accuracy, mean mm",
@@ -21,20 +24,38 @@ ROWS = {
     "complete_within_5_mm": "complete within 5 mm",
     "f_score_2_mm": "F score at 2 mm",
 }
+Comparisons = Mapping[str, Mapping[str, float]]
+"""By what is compared with what."""
 
 
 def print_fusion(found: Mapping[str, Any], written: Sequence[Path]) -> None:
     """A column for each comparison, and the paths."""
-    compared: Mapping[str, Mapping[str, float]] = found["comparisons"]
-    if compared:
+    if found["comparisons"]:
         scale = f", prediction times {found['scale']:.3f}" if found.get("scale", 1.0) != 1.0 else ""
         table = Table(title=f"{found['frames']} frames{scale}", box=SIMPLE_HEAD, title_justify="left")
         table.add_column("")
-        for name in compared:
+        for name in found["comparisons"]:
             table.add_column(name, justify="right")
-        for key, name in ROWS.items():
-            table.add_row(name, *(f"{values[key]:.3f}" for values in compared.values()))
-        Console(width=120 if not Console().is_terminal else None, highlight=False).print(table)
+        for row in _rows(found["comparisons"]):
+            table.add_row(*row)
+        console = Console(highlight=False)
+        console.print(table)
     else:
         print("nothing to compare with: no checkpoint was given, and the video has no coverage_mesh.obj")
     print("wrote", *map(str, written), sep="\n  ", flush=True)
+
+
+def write_fusion_page(path: Path, found: Mapping[str, Any], scene: Scene) -> Path:
+    """The same as a page with the surfaces, which needs nothing beside it."""
+    facts = {
+        "title": f"{scene.title}, fused",
+        "found": found,
+        "headings": ["", *found["comparisons"]],
+        "rows": _rows(found["comparisons"]) if found["comparisons"] else [],
+        "scenes": as_script([scene]),
+    }
+    return write_page(path, "fusion.html", facts)
+
+
+def _rows(compared: Comparisons) -> list[list[str]]:
+    return [[name, *(f"{values[key]:.3f}" for values in compared.values())] for key, name in ROWS.items()]

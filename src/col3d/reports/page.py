@@ -81,7 +81,7 @@ def write_report(
     }
     written = _write_tables(out / "tables", tables)
     for name in ("report.html", "report.md"):
-        text = _environment(name).get_template(f"{name}.j2").render(facts)
+        text = environment(name).get_template(f"{name}.j2").render(facts)
         (out / name).write_text(text, encoding="utf-8")
     return [out / "report.html", out / "report.md", *written, *(picture.path for picture in pictures)]
 
@@ -105,16 +105,16 @@ def _write_tables(folder: Path, tables: Sequence[Table]) -> list[Path]:
     return written
 
 
-def _environment(name: str) -> Environment:
+def environment(name: str) -> Environment:
     """Templates with what they call; HTML is escaped, Markdown is not."""
-    environment = Environment(
+    found = Environment(
         loader=PackageLoader("col3d.reports"),
         autoescape=name.endswith(".html"),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.globals |= {
+    found.globals |= {
         "heading": render.heading,
         "number": render.number,
         "interval": render.interval,
@@ -123,7 +123,7 @@ def _environment(name: str) -> Environment:
         "marks": marks,
         "data_uri": data_uri,
     }
-    return environment
+    return found
 
 
 def data_uri(path: Path) -> str:

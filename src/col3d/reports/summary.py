@@ -83,13 +83,24 @@ def _table(title: str, metrics: Sequence[str], summary: Mapping[str, Any]) -> Ta
     table.add_column("video", no_wrap=True)
     for heading in ("frames", *(HEADINGS[name] for name in metrics)):
         table.add_column(heading, justify="right")
-    for video, values in summary["videos"].items():
-        table.add_row(video, str(values["frames"]), *_cells(values, metrics))
-    table.add_section()
-    table.add_row(ALL_FRAMES, str(summary["frames"]), *_cells(summary["metrics"], metrics), style="bold")
-    if set(metrics) <= set(summary.get("baseline", ())):
-        table.add_row(BASELINE, str(summary["frames"]), *_cells(summary["baseline"], metrics), style="dim")
+    for name, *cells in rows_of(summary, metrics):
+        if name == ALL_FRAMES:
+            table.add_section()
+        table.add_row(name, *cells, style={ALL_FRAMES: "bold", BASELINE: "dim"}.get(name))
     return table
+
+
+def rows_of(summary: Mapping[str, Any], metrics: Sequence[str]) -> list[list[str]]:
+    """Name, number of frames and metrics: of each video, of all frames, and of the score to beat."""
+    rows = [
+        [video, str(values["frames"]), *_cells(values, metrics)]
+        for video, values in summary["videos"].items()
+    ]
+    count = str(summary["frames"])
+    rows.append([ALL_FRAMES, count, *_cells(summary["metrics"], metrics)])
+    if set(metrics) <= set(summary.get("baseline", ())):
+        rows.append([BASELINE, count, *_cells(summary["baseline"], metrics)])
+    return rows
 
 
 def _cells(values: Mapping[str, Any], metrics: Sequence[str]) -> list[str]:

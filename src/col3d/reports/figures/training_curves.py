@@ -36,8 +36,8 @@ def draw(material: Material, out: Path) -> Figure:
     if not methods:
         raise MissingError("no run has a metrics.csv with values by epoch")
     path = out / "training_curves.png"
-    panels = [name for name in PANELS if any(name in curves(run) for m in methods for run in m.runs)]
-    _draw(path, methods, panels)
+    panels = _panels(methods)
+    draw_methods(path, methods)
     shown = " and ".join(METRICS[name.removeprefix("val/")].heading for name in panels)
     caption = sentences(
         f"{shown or 'No metric'} on the validation part by epoch, lower is better; a line a seed, a ring "
@@ -64,7 +64,14 @@ def _curve(rows: Sequence[dict[str, str]], name: str) -> Curve | None:
     return (np.array(list(values)), np.array(list(values.values()))) if values else None
 
 
-def _draw(path: Path, methods: Sequence[Method], panels: Sequence[str]) -> None:
+def _panels(methods: Sequence[Method]) -> list[str]:
+    """What any of the runs has measured on the validation part."""
+    return [name for name in PANELS if any(name in curves(run) for m in methods for run in m.runs)]
+
+
+def draw_methods(path: Path, methods: Sequence[Method]) -> None:
+    """Draw the curves of methods, each of which has some, into a file."""
+    panels = _panels(methods)
     canvas = blank(WIDTH, 3.9)
     *metrics, losses = canvas.subplots(1, len(panels) + 1, squeeze=False)[0]
     for method in methods:

@@ -1,0 +1,108 @@
+"""The page of a run: what it scored, how it learned, what it sees; one file that needs nothing beside it.
+
+`python -m col3d.reports.run_page runs/default` writes it anew from the run's own files.
+"""
+
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import yaml
+from markupsafe import Markup
+
+from col3d.checks import UserError
+from col3d.reports.figures.material import Method
+from col3d.reports.figures.style import VERMILLION, Style
+from col3d.reports.figures.training_curves import curves, draw_methods
+from col3d.reports.page import data_uri, environment
+from col3d.reports.per_frame import DEPTH_METRICS, NORMAL_METRICS
+from col3d.reports.runs import Run
+from col3d.reports.scenes import Scene, read_frame
+from col3d.reports.summary import HEADINGS, rows_of
+
+PAGE = "run.html"
+
+
+def write_run_page(folder: Path) -> Path:
+    """Write `run.html` into the folder of a run or an evaluation.
+
+    Args:
+        folder: that holds summary.json, and whatever else a run leaves.
+
+    Returns:
+        The page.
+
+    Raises:
+        UserError: the folder is of no finished run.
+    """
+    summary = _read_summary(folder)
+    config = folder / "config.yaml"
+    options = yaml.safe_load(config.read_text(encoding="utf-8")) if config.is_file() else {}
+    panels = sorted((folder / "panels").glob("*.png"))
+    facts = {
+        "title": "{model} on {data}, {split} split, seed {seed}".format(**summary),
+        "summary": summary,
+        "tables": _tables(summary),
+        "curves": _curves(Run(folder, options, summary, {}, folder.name)),
+        "panels": [(path.stem, data_uri(path)) for path in panels],
+        "scenes": as_script([read_frame(path) for path in sorted((folder / "panels").glob("*.npz"))]),
+        "config": yaml.safe_dump(options, sort_keys=False) if options else "",
+    }
+    return write_page(folder / PAGE, "run.html", facts)
+
+
+def write_page(path: Path, template: str, facts: dict[str, Any]) -> Path:
+    """Fill a template, and write the page in one step."""
+    text = environment(template).get_template(f"{template}.j2").render(facts)
+    partial = path.with_suffix(".partial")
+    partial.write_text(text, encoding="utf-8")
+    return partial.replace(path)
+
+
+def as_script(scenes: Sequence[Scene]) -> Markup | None:
+    """Scenes as a value inside a script; None of none."""
+    text = json.dumps([scene.plain() for scene in scenes]).replace("<", "\\u003c")
+    return Markup(text) if scenes else None
+
+
+def _read_summary(folder: Path) -> dict[str, Any]:
+    try:
+        found: dict[str, Any] = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        raise UserError(f"{folder}: no finished run, summary.json is missing or broken") from None
+    return found
+
+
+def _tables(summary: dict[str, Any]) -> list[dict[str, Any]]:
+    """Depth, and normals where there are: headings and rows."""
+    kinds = {"Depth": DEPTH_METRICS, "Normals": NORMAL_METRICS}
+    return [
+        {
+            "title": title,
+            "headings": ["video", "frames", *(HEADINGS[name] for name in metrics)],
+            "rows": rows_of(summary, metrics),
+        }
+        for title, metrics in kinds.items()
+        if metrics[0] in summary["metrics"]
+    ]
+
+
+def _curves(run: Run) -> str | None:
+    """A picture of the training as text; None where nothing was kept of it."""
+    if not curves(run):
+        return None
+    with TemporaryDirectory() as place:
+        path = Path(place) / "curves.png"
+        draw_methods(path, [Method(str(run.summary["model"]), (run,), Style(VERMILLION))])
+        return data_uri(path)
+
+
+if __name__ == "__main__":
+    try:
+        for given in sys.argv[1:] or ["runs/default"]:
+            print(write_run_page(Path(given)))
+    except (UserError, ValueError, OSError) as error:
+        sys.exit(f"error: {error}")
