@@ -96,7 +96,7 @@ def read_frame(path: Path) -> Scene:
         with np.load(path, allow_pickle=False) as kept:
             truth, prediction = (kept[name].astype(np.float32) / STEPS for name in ("truth", "prediction"))
             seen = kept["seen"]
-    except (OSError, KeyError, EOFError) as error:
+    except (OSError, KeyError, EOFError, ValueError) as error:
         raise ValueError(f"{path}: no points of a frame ({error})") from None
     off = np.abs(prediction[:, 2] - truth[:, 2])
     largest = max(float(np.quantile(off, ERROR_SHARE)), 0.1) if len(off) else 1.0
