@@ -1,5 +1,5 @@
 .DEFAULT_GOAL := help
-.PHONY: help setup phantom train benchmark speed test test-slurm lint format clean
+.PHONY: help setup phantom train benchmark speed test test-slurm lint format docs clean
 
 PYTHON ?= python3
 BIN := .venv/bin
@@ -47,6 +47,9 @@ lint: $(READY)  ## Check style, types and the layers of the package
 format: $(READY)  ## Rewrite the code in the project's style
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
+
+docs: $(READY)  ## Build the pages of docs/ and the API into docs/_build/html, strictly and offline
+	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
 
 clean:  ## Remove .venv and caches; data and runs stay
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .import_linter_cache

@@ -1,4 +1,4 @@
-"""Every command of the README is read by the real parser, and runs, made small."""
+"""Every command of the README and of the pages in docs/ is read by the real parser, and runs, made small."""
 
 import importlib.util
 import re
@@ -8,18 +8,24 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from test_launch import PROJECT, call
+from pages import PAGES, PROJECT, blocks, file_of
+from test_launch import call
 from tiny_run import SMALL, TINY, composed
 
 from col3d.app.config import EvaluateOptions, PrepareOptions, TrainOptions, VerifyOptions
 from col3d.app.errors import check_options
 from launch.choices import as_groups
 
-README = (PROJECT / "README.md").read_text(encoding="utf-8")
-BASH = "\n".join(re.findall(r"```bash\n(.*?)```", README, flags=re.DOTALL))
-COMMANDS = [shlex.split(line) for line in BASH.splitlines() if line.startswith("python ")]
+LINES = list(
+    dict.fromkeys(line for page in PAGES for block in blocks(page, "bash") for line in block.splitlines())
+)
+"""Every line of bash, once."""
+CALL = re.compile(r"^(?:[A-Z0-9_]+=\S+ )?(?:\.venv/bin/)?python ")
+COMMANDS = [["python", *shlex.split(CALL.sub("", line))] for line in LINES if CALL.match(line)]
 MODULES = [command for command in COMMANDS if command[1] == "-m"]
 COMMANDS = [command for command in COMMANDS if command[1] != "-m"]
+PYTHON = {page: [block for block in blocks(page, "python") if not file_of(block)] for page in PAGES}
+"""Blocks to run; those that are files are done by `tests/docs/test_extending.py`."""
 OPTIONS = {
     "train.py": TrainOptions,
     "evaluate.py": EvaluateOptions,
@@ -28,18 +34,26 @@ OPTIONS = {
 }
 ELSEWHERE = ("data=", "hydra/launcher=")  # launchers have tests of their own
 SHORT = [c for c in COMMANDS if c[1] == "train.py" and not any(a.startswith(ELSEWHERE) for a in c)]
+SHORT = [
+    c for c in SHORT if not any(a.startswith("hydra.sweep.dir=") for a in c)
+]  # another place, the same runs
 
 
-def test_the_readme_names_targets_that_exist() -> None:
+def test_every_line_is_a_command_of_ours() -> None:
     makefile = (PROJECT / "Makefile").read_text(encoding="utf-8")
-    for target in re.findall(r"^make (\w+)$", BASH, flags=re.MULTILINE):
-        assert re.search(rf"^{target}:", makefile, flags=re.MULTILINE)
+    for line in LINES:
+        if target := re.match(r"make ([\w-]+)", line):
+            assert re.search(rf"^{target[1]}:", makefile, flags=re.MULTILINE), line
+        else:
+            assert CALL.match(line) or line == "source .venv/bin/activate", line
 
 
 def test_every_command_is_one_of_ours() -> None:
     assert all(importlib.util.find_spec(command[2]) for command in MODULES)
+    named = [argument for command in MODULES for argument in command if argument.endswith(".py")]
+    assert all((PROJECT / name).is_file() for name in named)
     assert {command[1] for command in COMMANDS} == set(OPTIONS)
-    assert len(COMMANDS) >= 9
+    assert len(COMMANDS) >= 25
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
@@ -70,10 +84,12 @@ def test_training_commands_run(command: list[str], phantom_root: Path, tmp_path:
     assert "all frames" in answer.stdout
 
 
-def test_the_parts_work_as_shown() -> None:
-    code = re.findall(r"```python\n(.*?)```", README, flags=re.DOTALL)[0]
-    lines = [line for line in code.splitlines() if "/path/to" not in line]
+@pytest.mark.parametrize("page", [page for page in PAGES if PYTHON[page]], ids=lambda page: page.stem)
+def test_python_works_as_shown(page: Path) -> None:
+    lines = [line for block in PYTHON[page] for line in block.splitlines() if "/path/to" not in line]
     names: dict[str, Any] = {}
     exec("\n".join(lines), names)
-    assert names["normals"].shape == (1, 3, 320, 320)
-    assert isinstance(names["normals_from_depth"], Callable)  # type: ignore[arg-type]
+    if page.stem == "concepts":
+        assert names["normals"].shape == (1, 3, 320, 320)
+        assert isinstance(names["normals_from_depth"], Callable)  # type: ignore[arg-type]
+        assert names["values"]["abs_rel"].tolist() == pytest.approx([0.1, 0.1])
