@@ -59,7 +59,20 @@ def test_what_a_resolver_refuses_is_one_line(tmp_path: Path) -> None:
     assert (answer.returncode, answer.stderr) == (2, expected)
 
 
-@pytest.mark.parametrize("script", ["train.py", "evaluate.py", "prepare.py", "verify.py", "benchmark.py"])
+@pytest.mark.parametrize(
+    "script",
+    [
+        "train.py",
+        "evaluate.py",
+        "predict.py",
+        "fuse.py",
+        "export.py",
+        "app.py",
+        "prepare.py",
+        "verify.py",
+        "benchmark.py",
+    ],
+)
 def test_help_answers_without_heavy_imports(script: str, tmp_path: Path) -> None:
     answer = call(script, "--help", cwd=tmp_path)
     assert answer.returncode == 0

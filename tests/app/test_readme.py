@@ -12,7 +12,15 @@ from pages import PAGES, PROJECT, blocks, file_of
 from test_launch import call
 from tiny_run import SMALL, TINY, composed
 
-from col3d.app.config import EvaluateOptions, PrepareOptions, TrainOptions, VerifyOptions
+from col3d.app.config import (
+    EvaluateOptions,
+    ExportOptions,
+    FuseOptions,
+    PredictOptions,
+    PrepareOptions,
+    TrainOptions,
+    VerifyOptions,
+)
 from col3d.app.errors import check_options
 from launch.choices import as_groups
 
@@ -29,6 +37,9 @@ PYTHON = {page: [block for block in blocks(page, "python") if not file_of(block)
 OPTIONS = {
     "train.py": TrainOptions,
     "evaluate.py": EvaluateOptions,
+    "predict.py": PredictOptions,
+    "fuse.py": FuseOptions,
+    "export.py": ExportOptions,
     "prepare.py": PrepareOptions,
     "verify.py": VerifyOptions,
 }

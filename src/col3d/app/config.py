@@ -540,3 +540,26 @@ class ExportOptions(LearntOptions):
         if not self.output.endswith((".onnx", ".pt2")):
             raise ValueError(f"output: expected a name that ends in .onnx or .pt2, got {self.output!r}")
         return self
+
+
+class AppOptions(Options):
+    """Everything that `app.py` takes."""
+
+    checkpoint: str | None
+    published: (
+        Literal["bts", "col3d_bts_cbam", "col3d_mtl_no_xtc", "col3d_mtl", "newcrfs", "monodepth_fpn"] | None
+    )
+    max_depth: PositiveFloat | None
+    size: Annotated[list[Side], Field(min_length=2, max_length=2)] | None
+    camera: Annotated[Literal["c3vd", "c3vdv2", "simcol3d"] | list[float] | None, NoneWord]
+    port: Annotated[int, Field(ge=1, le=65535)]
+    samples: Annotated[str | None, NoneWord]
+
+    @model_validator(mode="after")
+    def _fits(self) -> "AppOptions":
+        for option in ("max_depth", "size"):
+            if getattr(self, option) is not None and self.published is None:
+                raise ValueError(f"{option}: our checkpoints know theirs; it is for published weights")
+        if self.published is not None and self.checkpoint is None:
+            raise ValueError("checkpoint: a value is needed for published weights")
+        return self

@@ -5,7 +5,7 @@ import io
 import logging
 import os
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any
@@ -18,12 +18,16 @@ from col3d.app.exported_facts import facts_of
 from col3d.app.learnt import Learnt, learnt
 from col3d.app.onnx_file import OnnxFile, write_onnx
 from col3d.app.program_file import ProgramFile, write_program
-from col3d.app.same_outputs import Likeness, compare
+from col3d.app.same_outputs import File, Likeness, compare
 from col3d.app.traced import LEAST_SIDE, traced
 from col3d.app.train import quiet
 from col3d.checks import UserError
 
-FORMATS = {".onnx": (write_onnx, OnnxFile), ".pt2": (write_program, ProgramFile)}
+FORMATS: dict[str, tuple[Callable[..., None], Callable[[Path], File], str]] = {
+    ".onnx": (write_onnx, OnnxFile, "onnxruntime"),
+    ".pt2": (write_program, ProgramFile, "torch.export"),
+}
+"""By the ending: what writes a file, what opens it, and what runs it."""
 EXTRA = ("onnx", "onnxscript", "onnxruntime")
 
 
@@ -75,7 +79,7 @@ def _in_place(path: Path) -> Iterator[Path]:
 
 def _write(subject: Learnt, partial: Path, kind: str) -> Likeness:
     subject.network.to("cpu").requires_grad_(False)
-    write, opened = FORMATS[kind]
+    write, opened, _ = FORMATS[kind]
     with _silently():
         write(traced(subject.network), partial, facts_of(subject))
         file = opened(partial)
@@ -100,7 +104,7 @@ def _report(subject: Learnt, path: Path, likeness: Likeness) -> None:
     units = {"depth": " mm", "normals": " in a component"}
     largest = ", ".join(f"{name} {value:.1e}{units[name]}" for name, value in likeness.differences.items())
     height, width = subject.size_hw
-    engine = FORMATS[path.suffix][1].engine
+    *_, engine = FORMATS[path.suffix]
     takes = "image and rays" if subject.network.needs_rays else "image"
     print(f"wrote {path}, {path.stat().st_size / 1e6:.1f} MB: {takes} -> {', '.join(subject.network.tasks)}")
     print(f"any batch, any size from {LEAST_SIDE} x {LEAST_SIDE}; checked at {sizes}")

@@ -59,8 +59,6 @@ def _anonymous(model: Any) -> None:
 class OnnxFile:
     """An ONNX file on the CPU, with as many threads as torch has."""
 
-    engine = "onnxruntime"
-
     def __init__(self, path: Path) -> None:
         import onnxruntime
 

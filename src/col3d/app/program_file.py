@@ -24,14 +24,11 @@ def write_program(program: ExportedProgram, path: Path, facts: Mapping[str, Any]
 class ProgramFile:
     """Such a file on the CPU."""
 
-    engine = "torch.export"
-
     def __init__(self, path: Path) -> None:
         self.program = torch.export.load(path).module(check_guards=False)
 
     @torch.inference_mode()
     def __call__(self, inputs: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Arrays by name -> arrays by name."""
-        given = {name: torch.from_numpy(values) for name, values in inputs.items()}
-        found = self.program(given["image"], rays=given.get("rays"))
+        """Arrays by name, in the order of the network's arguments -> arrays by name."""
+        found = self.program(*(torch.from_numpy(values) for values in inputs.values()))
         return {name: values.numpy() for name, values in found.items()}

@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 import torch
@@ -26,14 +25,8 @@ NOISE = ((1, LEAST_SIDE, 130), (3, 75, 101), (2, 224, 97))
 TURNS = 5
 
 
-class File(Protocol):
-    """An exported file, opened."""
-
-    engine: str
-
-    def __call__(self, inputs: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Arrays by name -> arrays by name."""
-        ...
+File = Callable[[Mapping[str, np.ndarray]], dict[str, np.ndarray]]
+"""An exported file, opened: arrays by name -> arrays by name."""
 
 
 @dataclass(frozen=True)

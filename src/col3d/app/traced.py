@@ -37,5 +37,6 @@ def traced(network: DepthNetwork) -> ExportedProgram:
     given = sample(network, torch.rand(batch, 3, height, width))
     open_sides = {2: Dim.DYNAMIC, 3: Dim.DYNAMIC}
     sizes = {"image": {0: Dim.DYNAMIC, **open_sides}, "rays": open_sides}
-    asked = {name: sizes[name] if name in given else None for name in sizes}
-    return export(network, (given["image"],), {"rays": given.get("rays")}, dynamic_shapes=asked, strict=False)
+    return export(
+        network, tuple(given.values()), dynamic_shapes=tuple(sizes[name] for name in given), strict=False
+    )

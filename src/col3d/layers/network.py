@@ -92,9 +92,9 @@ class DepthNetwork(nn.Module, ABC):
             given, wanted = (tuple(values.shape[-2:]) for values in (rays, x))
             raise ValueError(f"rays: expected those of an image of {wanted} pixels, got {given}")
         height, width = x.shape[-2:]
-        padding = (0, -width % self.multiple, 0, -height % self.multiple)
-        rays = None if rays is None else rays.expand(len(x), -1, -1, -1)
-        if any(padding):
+        padding = (0, self._whole(width) - width, 0, self._whole(height) - height)
+        rays = None if rays is None else rays.expand(x.shape[0], -1, -1, -1)
+        if torch.compiler.is_exporting() or any(padding):
             x = nn.functional.pad(x, padding, mode="replicate")
             rays = None if rays is None else nn.functional.pad(rays, padding, mode="replicate")
         prediction = self.predict(x.contiguous(memory_format=self.memory_format), rays)
@@ -102,6 +102,10 @@ class DepthNetwork(nn.Module, ABC):
         if "normals" in prediction:
             cropped["normals"] = prediction["normals"][..., :height, :width]
         return cropped
+
+    def _whole(self, length: int) -> int:
+        """The side of the padded image; in a form that an exporter sees to be a multiple."""
+        return (length + self.multiple - 1) // self.multiple * self.multiple
 
     def predict(
         self, x: Float[Tensor, "b 3 h w"], rays: Float[Tensor, "b 3 h w"] | None = None

@@ -12,9 +12,10 @@ def up_conv2d(x: Float[Tensor, "b c h w"], weight: Float[Tensor, "o c 3 3"]) -> 
     """What a 3x3 convolution with zero padding makes of `x`, enlarged by 2 with nearest neighbours.
 
     Of the nine pixels that are read, several are copies of one: each of the four phases of the result needs
-    2 x 2 sums of weights, 2.25 times fewer products. Together they are a transposed convolution of 4 x 4.
+    2 x 2 sums of weights, 2.25 times fewer products. Together they are a transposed convolution of 4 x 4. An
+    exported network is of any size, and for other programs, whose transposed convolutions are slow.
     """
-    if x.shape[0] * x.shape[2] * x.shape[3] < LEAST_PIXELS:
+    if torch.compiler.is_exporting() or x.shape[0] * x.shape[2] * x.shape[3] < LEAST_PIXELS:
         enlarged = nn.functional.interpolate(x, scale_factor=2, mode="nearest")
         return nn.functional.conv2d(enlarged, weight, padding=1)
     return nn.functional.conv_transpose2d(x, phase_weights(weight), stride=2, padding=1)

@@ -11,6 +11,15 @@ from col3d.precision import at_least_float32
 WINDOW = 7
 
 
+def whole_windows(length: int) -> int:
+    """The least multiple of `WINDOW` from a length on.
+
+    >>> [whole_windows(length) for length in (7, 8)]
+    [7, 14]
+    """
+    return (length + WINDOW - 1) // WINDOW * WINDOW
+
+
 def to_windows(x: Float[Tensor, "b h w c"], side: int) -> Float[Tensor, "b n pixels c"]:
     """Cut a map whose sides are multiples of `side` into windows; windows and their pixels run row by row."""
     b, height, width, c = x.shape
@@ -83,7 +92,7 @@ class WindowAttention(nn.Module):
         """A map, and the values where they are not its own -> the attended values."""
         assert (value is None) == self.own_value
         _, height, width, _ = x.shape
-        full_hw = (height + -height % WINDOW, width + -width % WINDOW)
+        full_hw = (whole_windows(height), whole_windows(width))
         q, k, *own = self.qkv(self._cut(x)).split(self.channels, dim=-1)
         v = own[0] if value is None else self._cut(value)
         weights = self._weights(self._to_heads(q), self._to_heads(k), full_hw)
@@ -93,7 +102,7 @@ class WindowAttention(nn.Module):
 
     def _cut(self, x: Float[Tensor, "b h w c"]) -> Float[Tensor, "b n pixels c"]:
         _, height, width, _ = x.shape
-        x = nn.functional.pad(x, (0, 0, 0, -width % WINDOW, 0, -height % WINDOW))
+        x = nn.functional.pad(x, (0, 0, 0, whole_windows(width) - width, 0, whole_windows(height) - height))
         return to_windows(x.roll((-self.shift, -self.shift), dims=(1, 2)), WINDOW)
 
     def _to_heads(self, x: Float[Tensor, "b n pixels c"]) -> Float[Tensor, "b n heads pixels d"]:

@@ -34,6 +34,21 @@ def conv_norm_relu(
     return nn.Sequential(OrderedDict(conv=conv, norm=norm(out_channels), relu=nn.ReLU()))
 
 
+def cell_means(x: Float[Tensor, "b c h w"], cells: int) -> Float[Tensor, "b c {cells} {cells}"]:
+    """Means over `cells` x `cells` cells, which overlap where the sides are no multiples."""
+    if not torch.compiler.is_exporting():
+        return nn.functional.adaptive_avg_pool2d(x, cells)
+    rows, columns = (_shares(length, cells).to(x) for length in x.shape[2:])
+    return rows @ x @ columns.T
+
+
+def _shares(length: int, cells: int) -> Float[Tensor, "{cells} length"]:
+    """How much each pixel of a row counts in each cell's mean; exporters take it for rows of any length."""
+    place, cell = torch.arange(length), torch.arange(cells)[:, None]
+    inside = (place >= cell * length // cells) & (place < ((cell + 1) * length + cells - 1) // cells)
+    return inside / inside.sum(dim=1, keepdim=True)
+
+
 class PyramidPooling(nn.Module):
     """The map beside its means over 1, 2 x 2, 3 x 3 and 6 x 6 cells, fused by a 3x3 convolution.
 
@@ -55,7 +70,7 @@ class PyramidPooling(nn.Module):
         """A map -> one that knows what lies far from each pixel."""
         maps = [x]
         for cells, reduce in zip(POOLS, self.pooled, strict=True):
-            pooled = reduce(nn.functional.adaptive_avg_pool2d(x, cells))
+            pooled = reduce(cell_means(x, cells))
             maps.append(nn.functional.interpolate(pooled, size=x.shape[2:], mode="bilinear"))
         fused: Tensor = self.fuse(torch.cat(maps, dim=1))
         return fused
@@ -148,7 +163,7 @@ class NeWCRFs(DepthNetwork):
         crf16 = self.crf16(at16, nn.functional.pixel_shuffle(crf32, 2))
         crf8 = self.crf8(at8, nn.functional.pixel_shuffle(crf16, 2))
         crf4 = self.crf4(at4, nn.functional.pixel_shuffle(crf8, 2))
-        absent = x.new_zeros(len(x), 0, x.shape[2] // 2, x.shape[3] // 2)
+        absent = x.new_zeros(x.shape[0], 0, x.shape[2] // 2, x.shape[3] // 2)
         return self._depth(crf4), Features(absent, at4, crf8)
 
     def _depth(self, x: Float[Tensor, "b _ h4 w4"]) -> Float[Tensor, "b 1 h w"]:

@@ -1,0 +1,175 @@
+"""Exported files: what they say, of themselves and of images, and what is refused."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import torch
+from test_launch import call
+from tiny_run import composed
+
+from col3d.app.export import export
+from col3d.app.learnt import learnt
+from col3d.app.same_outputs import compare
+
+PROJECT = Path(__file__).parents[2]
+WITHOUT = (
+    "import runpy, sys\n"
+    "for name in ('torch', 'col3d'): sys.modules[name] = None\n"
+    "sys.argv = sys.argv[1:]\n"
+    "runpy.run_path(sys.argv[0], run_name='__main__')"
+)
+
+
+@pytest.fixture(scope="module")
+def folder(tiny_checkpoint: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where `model.onnx` and `model.pt2` are, with what was said about them; both are made at a time."""
+    folder = tmp_path_factory.mktemp("exported")
+    names = ("model.onnx", "model.pt2")
+    with ThreadPoolExecutor(len(names)) as pool:
+        given = f"checkpoint={tiny_checkpoint}"
+        answers = pool.map(lambda name: call("export.py", given, f"output={name}", cwd=folder), names)
+    for name, answer in zip(names, answers, strict=True):
+        assert (answer.returncode, answer.stderr) == (0, "")
+        (folder / f"{name}.txt").write_text(answer.stdout)
+    return folder
+
+
+@pytest.mark.parametrize("name", ["model.onnx", "model.pt2"])
+def test_it_says_what_was_checked(folder: Path, name: str) -> None:
+    said = (folder / f"{name}.txt").read_text().splitlines()
+    assert len(said) == 5
+    assert f"wrote {name}, " in said[1]
+    assert "image -> depth, normals" in said[1]
+    assert "1 x 33 x 130, 3 x 75 x 101, 2 x 224 x 97, 1 x 64 x 80" in said[2]
+    assert {path.name for path in folder.iterdir() if "partial" in path.name} == set()
+
+
+@pytest.mark.parametrize("shape", [(1, 64, 80), (2, 50, 131), (1, 1, 1)])
+def test_onnx_takes_any_size(folder: Path, tiny_checkpoint: Path, shape: tuple[int, int, int]) -> None:
+    import onnxruntime
+
+    session = onnxruntime.InferenceSession(folder / "model.onnx")
+    assert [tuple(value.shape) for value in (*session.get_inputs(), *session.get_outputs())] == [
+        ("batch", 3, "height", "width"),
+        ("batch", 1, "height", "width"),
+        ("batch", 3, "height", "width"),
+    ]
+    image = torch.rand(shape[0], 3, *shape[1:])
+    depth, normals = session.run(["depth", "normals"], {"image": image.numpy()})
+    with torch.no_grad():
+        expected = learnt(tiny_checkpoint).network(image)
+    np.testing.assert_allclose(depth, expected["depth"], atol=1e-3)
+    np.testing.assert_allclose(normals, expected["normals"], atol=1e-4)
+
+
+def test_a_program_is_read_back(folder: Path, tiny_checkpoint: Path) -> None:
+    facts = {"col3d.json": ""}
+    program = torch.export.load(folder / "model.pt2", extra_files=facts).module(check_guards=False)
+    image = torch.rand(1, 3, 90, 70)
+    with torch.no_grad():
+        found, expected = program(image), learnt(tiny_checkpoint).network(image)
+    torch.testing.assert_close(found["depth"], expected["depth"], atol=1e-3, rtol=0)
+    torch.testing.assert_close(found["normals"], expected["normals"], atol=1e-4, rtol=0)
+    assert json.loads(facts["col3d.json"])["trained_size"] == [64, 80]
+
+
+def test_a_file_speaks_for_itself(folder: Path) -> None:
+    import onnx
+
+    model = onnx.load(folder / "model.onnx")
+    facts = {entry.key: entry.value for entry in model.metadata_props}
+    assert (facts["model"], json.loads(facts["max_depth"])) == ("col3d_mtl", 100.0)
+    assert json.loads(facts["trained_size"]) == [64, 80]
+    assert json.loads(facts["trained_on"]) == ["phantom"]
+    assert [lens["model"] for lens in json.loads(facts["lenses"])] == ["omnidirectional"]
+    assert "x right, y down, z forward" in facts["conventions"]
+    assert "RGB in [0, 1]" in json.loads(facts["inputs"])["image"]
+    assert str(PROJECT).encode() not in (folder / "model.onnx").read_bytes()
+
+
+def test_the_example_needs_no_torch(folder: Path, phantom_root: Path, tmp_path: Path) -> None:
+    image = next((phantom_root / "desc_t4_a").glob("*_color.png"))
+    arguments = [str(folder / "model.onnx"), str(image), str(tmp_path / "depth.png")]
+    command = [sys.executable, "-c", WITHOUT, str(PROJECT / "examples/onnx_depth.py"), *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    depth = cv2.imread(str(tmp_path / "depth.png"), cv2.IMREAD_UNCHANGED)
+    assert depth is not None
+    assert (depth.dtype, depth.shape) == (np.uint16, cv2.imread(str(image)).shape[:2])
+    assert depth.min() > 0
+
+
+def test_other_networks_are_open_in_their_sizes() -> None:
+    command = [sys.executable, str(Path(__file__).with_name("open_sizes.py"))]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=PROJECT)
+    assert done.returncode == 0, done.stderr
+    assert len(done.stdout.splitlines()) == 9
+
+
+def test_a_file_that_differs_is_refused(tiny_checkpoint: Path) -> None:
+    subject = learnt(tiny_checkpoint)
+
+    def off(inputs: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        with torch.no_grad():
+            found = subject.network(torch.from_numpy(inputs["image"]))
+        return {"depth": found["depth"].numpy() + 0.01, "normals": found["normals"].numpy()}
+
+    with pytest.raises(Exception, match=r"depth of 1 x 33 x 130 differs from PyTorch's by 0.01, and 0.001"):
+        compare(subject, off)
+
+
+def test_what_was_refused_leaves_no_file(
+    tiny_checkpoint: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr("col3d.app.export._write", broken)
+    with pytest.raises(ZeroDivisionError):
+        export(composed("export", f"checkpoint={tiny_checkpoint}", f"output={tmp_path / 'new' / 'm.onnx'}"))
+    assert list((tmp_path / "new").iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("output=m.tflite",), "output: expected a name that ends in .onnx or .pt2, got 'm.tflite'"),
+        (("output=there.onnx",), "output: there.onnx is there already; give overwrite=true to replace it"),
+        (("output=folder.pt2", "overwrite=true"), "output: folder.pt2 is a folder"),
+        (("output=m.onnx",), "checkpoint: no such file: none.ckpt"),
+        (("output=m.onnx", "size=[64,64]"), "size: our checkpoints know theirs"),
+        (("output=m.onnx", "published=bts", "max_depth=0"), "max_depth: expected greater than 0"),
+    ],
+)
+def test_bad_input_is_refused(
+    arguments: tuple[str, ...], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("there.onnx").touch()
+    Path("folder.pt2").mkdir()
+    with pytest.raises(Exception, match=r"^\w+: ") as raised:
+        export(composed("export", "checkpoint=none.ckpt", *arguments))
+    assert message in str(raised.value)
+    assert Path("there.onnx").stat().st_size == 0
+
+
+def test_without_the_extra_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(Exception, match=r"export: needs pip install -e '\.\[onnx\]'"):
+        export(composed("export", "checkpoint=none.ckpt", f"output={tmp_path / 'm.onnx'}"))
+
+
+def test_the_command_ends_in_one_line(tmp_path: Path) -> None:
+    answer = call("export.py", "checkpoint=none.ckpt", "output=/proc/nowhere/m.pt2", cwd=tmp_path)
+    assert answer.returncode == 2
+    assert answer.stderr == "error: checkpoint: no such file: none.ckpt\n"
+    answer = call("export.py", "--help", cwd=tmp_path)
+    assert answer.returncode == 0
+    assert "python export.py checkpoint=" in answer.stdout
