@@ -10,7 +10,7 @@ import pytest
 
 PROJECT = Path(__file__).parents[2]
 SOURCE = PROJECT / "src"
-PUBLIC = ("geometry", "models", "losses", "metrics", "data", "reports")
+PUBLIC = ("geometry", "models", "losses", "metrics", "data", "fusion", "reports")
 REMOTE = [
     r"<script[^>]*\ssrc=[\"'](?:https?:)?//[^>]*",
     r"<link[^>]*\shref=[\"'](?:https?:)?//[^>]*",
