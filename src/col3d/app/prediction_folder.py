@@ -21,6 +21,7 @@ from col3d.data.images import ImageSource, Shot
 from col3d.geometry import Camera
 from col3d.geometry.camera_file import plain_from_camera
 from col3d.metrics.functional.flicker import temporal_flicker
+from col3d.reports.over_time import draw_over_time
 from col3d.reports.summary import write_json
 from col3d.reports.video import VideoWriter
 
@@ -28,8 +29,8 @@ COLUMNS = (
     *("name", "frame", "height", "width", "unit", "depth_min", "depth_median", "depth_max"),
     *("out_of_range", "flicker", "seconds", "fault"),
 )
-TABLE, SUMMARY, VIDEO = "predictions.csv", "summary.json", "side_by_side.mp4"
-PARTS = ("frames", "previews", "clouds", TABLE, SUMMARY, VIDEO)
+TABLE, SUMMARY, VIDEO, CHART = "predictions.csv", "summary.json", "side_by_side.mp4", "over_time.png"
+PARTS = ("frames", "previews", "clouds", TABLE, SUMMARY, VIDEO, CHART)
 """All that is written, and so all that is replaced."""
 ALMOST_ALL = 0.99
 """Share of the network's largest depth from which a pixel counts as out of its range."""
@@ -160,6 +161,8 @@ class PredictionFolder:
         """Write the summary, and say on screen what is there."""
         flicker = float(np.mean(self.flicker)) if self.flicker else None
         write_json(self.path / SUMMARY, self._summary(stopped, flicker))
+        if self.is_series:
+            draw_over_time(self.path / TABLE, self.path / CHART)
         for fault in self.faults[:MOST_FAULTS]:
             print(f"skipped: {fault}", flush=True)
         if len(self.faults) > MOST_FAULTS:
