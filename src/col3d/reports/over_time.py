@@ -29,7 +29,7 @@ def draw_over_time(table: Path, out: Path) -> bool:
     frame, low, middle, high, flicker = (
         np.array([float(row[name] or "nan") for row in rows]) for name in SHOWN
     )
-    canvas = blank(9, 4.6)
+    canvas = blank(9.0, 4.6)
     depth, unsteady = canvas.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     depth.fill_between(frame, low, high, color=BLUE, alpha=0.15, lw=0, label="least to largest")
     depth.plot(frame, middle, color=BLUE, lw=1.5, label="median")

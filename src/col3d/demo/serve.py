@@ -1,0 +1,81 @@
+"""Serve the page on this machine: nothing is fetched from elsewhere and nothing is sent there."""
+
+import importlib.util
+import logging
+import os
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from col3d.app.config import AppOptions
+from col3d.app.errors import check_options
+from col3d.app.learnt import learnt
+from col3d.app.train import quiet
+from col3d.checks import UserError
+from col3d.demo.checkpoint import newest_checkpoint
+
+HOST = "127.0.0.1"
+RUNS = Path("runs")
+MOST_UPLOAD = "200mb"
+"""Beyond which an upload is broken off; what is smaller, the page refuses in words."""
+SILENT = {"GRADIO_ANALYTICS_ENABLED": "False", "HF_HUB_DISABLE_TELEMETRY": "1", "HF_HUB_OFFLINE": "1"}
+
+
+def serve(given: Mapping[str, Any]) -> None:
+    """Rebuild a network and show the page until Ctrl-C.
+
+    Args:
+        given: the composed configuration as plain values; see `AppOptions`.
+
+    Raises:
+        UserError: an option or the checkpoint breaks a rule, there is no finished run, or the port is taken.
+    """
+    quiet()
+    options = check_options(AppOptions, given)
+    if importlib.util.find_spec("gradio") is None:
+        raise UserError("app: needs pip install -e '.[demo]'")
+    checkpoint = newest_checkpoint(RUNS) if options.checkpoint is None else Path(options.checkpoint)
+    height, width = options.size or (None, None)
+    size = None if height is None or width is None else (height, width)
+    network = learnt(checkpoint, options.published, options.max_depth, size)
+    network.network.to("cuda" if torch.cuda.is_available() else "cpu")
+    os.environ.update(SILENT)  # before Gradio is imported
+    from col3d.demo.layout import STYLE
+    from col3d.demo.page import page
+    from col3d.demo.replies import PINHOLE, UNKNOWN
+    from col3d.demo.samples import samples
+
+    offered = [] if options.samples is None else samples(Path(options.samples))
+    pinhole = options.camera if isinstance(options.camera, list) else []
+    camera = PINHOLE if pinhole else str(options.camera or UNKNOWN)
+    print(f"{network.name} of {checkpoint}: http://{HOST}:{options.port} (Ctrl-C ends it)", flush=True)
+    with tempfile.TemporaryDirectory(prefix="col3d-") as folder:
+        blocks = page(network, camera, pinhole, offered, Path(folder))
+        _launch(blocks, options, [folder, *(str(sample.image.parent) for sample in offered)], STYLE)
+
+
+def _launch(blocks: Any, options: AppOptions, folders: list[str], style: str) -> None:
+    import gradio as gr
+
+    logging.getLogger("httpx").setLevel(logging.WARNING)  # it tells of each look at the page's own address
+    try:
+        blocks.launch(
+            server_name=HOST,
+            server_port=options.port,
+            share=False,
+            quiet=True,
+            ssr_mode=False,
+            max_file_size=MOST_UPLOAD,
+            allowed_paths=folders,
+            footer_links=[],
+            enable_monitoring=False,
+            theme=gr.themes.Default(font=["system-ui"], font_mono=["monospace"]),
+            css=style,
+        )
+    except OSError as error:
+        if "port" in str(error):
+            raise UserError(f"port: {options.port} is taken; give port=...") from None
+        raise
