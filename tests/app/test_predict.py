@@ -145,7 +145,7 @@ def test_a_video_file_and_a_pattern(tiny_checkpoint: Path, tmp_path: Path) -> No
     rows = predicted(tiny_checkpoint, tmp_path / "clip.avi", tmp_path / "out")
     assert [row["frame"] for row in rows] == ["0", "1", "2", "3"]
     assert cv2.VideoCapture(str(tmp_path / "out" / "side_by_side.mp4")).get(cv2.CAP_PROP_FPS) == 12
-    assert Image.open(tmp_path / "out" / "over_time.png").width > 500
+    assert (tmp_path / "out" / "over_time.png").stat().st_size > 1000
     assert not math.isnan(float(str(summary(tmp_path / "out")["flicker_percent"])))
     stills = predicted(
         tiny_checkpoint, f"{tmp_path}/still_*.png", tmp_path / "stills", "video=true", "range=[0,50]"
