@@ -1,5 +1,5 @@
 .DEFAULT_GOAL := help
-.PHONY: help setup phantom train benchmark speed test test-slurm lint format docs clean
+.PHONY: help setup phantom train app benchmark speed test test-slurm lint format docs clean
 
 PYTHON ?= python3
 BIN := .venv/bin
@@ -25,6 +25,9 @@ phantom: $(READY)  ## Render the colon that training uses when there is no C3VD
 
 train: $(READY)  ## Train and evaluate Col3D-MTL on the phantom (ARGS="key=value ..." changes options)
 	$(BIN)/python train.py model=col3d_mtl $(ARGS)
+
+app: $(READY)  ## Open the newest trained network as a page in the browser, on this machine alone
+	$(BIN)/python app.py $(ARGS)
 
 benchmark: $(READY)  ## Run the paper's experiments and report them (PRESET=smoke|laptop|paper DATA=c3vd ROOT=path)
 	$(BIN)/python benchmark.py preset=$(PRESET) data=$(DATA) $(if $(ROOT),data.root=$(ROOT)) $(ARGS)

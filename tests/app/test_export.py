@@ -4,7 +4,6 @@ import json
 import subprocess
 import sys
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import cv2
@@ -27,83 +26,82 @@ WITHOUT = (
 )
 
 
-@pytest.fixture(scope="module")
-def folder(tiny_checkpoint: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where `model.onnx` and `model.pt2` are, with what was said about them; both are made at a time."""
-    folder = tmp_path_factory.mktemp("exported")
-    names = ("model.onnx", "model.pt2")
-    with ThreadPoolExecutor(len(names)) as pool:
-        given = f"checkpoint={tiny_checkpoint}"
-        answers = pool.map(lambda name: call("export.py", given, f"output={name}", cwd=folder), names)
-    for name, answer in zip(names, answers, strict=True):
-        assert (answer.returncode, answer.stderr) == (0, "")
-        (folder / f"{name}.txt").write_text(answer.stdout)
-    return folder
-
-
-@pytest.mark.parametrize("name", ["model.onnx", "model.pt2"])
-def test_it_says_what_was_checked(folder: Path, name: str) -> None:
-    said = (folder / f"{name}.txt").read_text().splitlines()
+def exported(checkpoint: Path, path: Path) -> None:
+    """Export by the command, which says what it checked."""
+    answer = call("export.py", f"checkpoint={checkpoint}", f"output={path.name}", cwd=path.parent)
+    assert (answer.returncode, answer.stderr) == (0, "")
+    said = answer.stdout.splitlines()
     assert len(said) == 5
-    assert f"wrote {name}, " in said[1]
+    assert f"wrote {path.name}, " in said[1]
     assert "image -> depth, normals" in said[1]
     assert "1 x 33 x 130, 3 x 75 x 101, 2 x 224 x 97, 1 x 64 x 80" in said[2]
-    assert {path.name for path in folder.iterdir() if "partial" in path.name} == set()
+    assert [found.name for found in path.parent.iterdir()] == [path.name]
 
 
-@pytest.mark.parametrize("shape", [(1, 64, 80), (2, 50, 131), (1, 1, 1)])
-def test_onnx_takes_any_size(folder: Path, tiny_checkpoint: Path, shape: tuple[int, int, int]) -> None:
+def test_an_onnx_file(tiny_checkpoint: Path, phantom_root: Path, tmp_path: Path) -> None:
+    """One test, for making the file takes half a minute."""
+    path = tmp_path / "model.onnx"
+    exported(tiny_checkpoint, path)
+    takes_any_size(path, tiny_checkpoint)
+    speaks_for_itself(path)
+    the_example_needs_no_torch(path, phantom_root)
+
+
+def takes_any_size(path: Path, checkpoint: Path) -> None:
     import onnxruntime
 
-    session = onnxruntime.InferenceSession(folder / "model.onnx")
+    session = onnxruntime.InferenceSession(path)
     assert [tuple(value.shape) for value in (*session.get_inputs(), *session.get_outputs())] == [
         ("batch", 3, "height", "width"),
         ("batch", 1, "height", "width"),
         ("batch", 3, "height", "width"),
     ]
-    image = torch.rand(shape[0], 3, *shape[1:])
-    depth, normals = session.run(["depth", "normals"], {"image": image.numpy()})
-    with torch.no_grad():
-        expected = learnt(tiny_checkpoint).network(image)
-    np.testing.assert_allclose(depth, expected["depth"], atol=1e-3)
-    np.testing.assert_allclose(normals, expected["normals"], atol=1e-4)
+    network = learnt(checkpoint).network
+    for shape in ((1, 3, 64, 80), (2, 3, 50, 131), (1, 3, 1, 1)):
+        image = torch.rand(shape)
+        depth, normals = session.run(["depth", "normals"], {"image": image.numpy()})
+        with torch.no_grad():
+            expected = network(image)
+        np.testing.assert_allclose(depth, expected["depth"], atol=1e-3)
+        np.testing.assert_allclose(normals, expected["normals"], atol=1e-4)
 
 
-def test_a_program_is_read_back(folder: Path, tiny_checkpoint: Path) -> None:
-    facts = {"col3d.json": ""}
-    program = torch.export.load(folder / "model.pt2", extra_files=facts).module(check_guards=False)
-    image = torch.rand(1, 3, 90, 70)
-    with torch.no_grad():
-        found, expected = program(image), learnt(tiny_checkpoint).network(image)
-    torch.testing.assert_close(found["depth"], expected["depth"], atol=1e-3, rtol=0)
-    torch.testing.assert_close(found["normals"], expected["normals"], atol=1e-4, rtol=0)
-    assert json.loads(facts["col3d.json"])["trained_size"] == [64, 80]
-
-
-def test_a_file_speaks_for_itself(folder: Path) -> None:
+def speaks_for_itself(path: Path) -> None:
     import onnx
 
-    model = onnx.load(folder / "model.onnx")
-    facts = {entry.key: entry.value for entry in model.metadata_props}
+    facts = {entry.key: entry.value for entry in onnx.load(path).metadata_props}
     assert (facts["model"], json.loads(facts["max_depth"])) == ("col3d_mtl", 100.0)
     assert json.loads(facts["trained_size"]) == [64, 80]
     assert json.loads(facts["trained_on"]) == ["phantom"]
     assert [lens["model"] for lens in json.loads(facts["lenses"])] == ["omnidirectional"]
     assert "x right, y down, z forward" in facts["conventions"]
     assert "RGB in [0, 1]" in json.loads(facts["inputs"])["image"]
-    assert str(PROJECT).encode() not in (folder / "model.onnx").read_bytes()
+    assert str(PROJECT).encode() not in path.read_bytes()
 
 
-def test_the_example_needs_no_torch(folder: Path, phantom_root: Path, tmp_path: Path) -> None:
-    image = next((phantom_root / "desc_t4_a").glob("*_color.png"))
-    arguments = [str(folder / "model.onnx"), str(image), str(tmp_path / "depth.png")]
-    command = [sys.executable, "-c", WITHOUT, str(PROJECT / "examples/onnx_depth.py"), *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+def the_example_needs_no_torch(path: Path, phantom_root: Path) -> None:
+    image, depth = next((phantom_root / "desc_t4_a").glob("*_color.png")), path.with_name("depth.png")
+    arguments = [str(PROJECT / "examples/onnx_depth.py"), str(path), str(image), str(depth)]
+    done = subprocess.run(
+        [sys.executable, "-c", WITHOUT, *arguments], capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr
-    depth = cv2.imread(str(tmp_path / "depth.png"), cv2.IMREAD_UNCHANGED)
-    assert depth is not None
-    assert (depth.dtype, depth.shape) == (np.uint16, cv2.imread(str(image)).shape[:2])
-    assert depth.min() > 0
+    codes = cv2.imread(str(depth), cv2.IMREAD_UNCHANGED)
+    assert codes is not None
+    assert (codes.dtype, codes.shape) == (np.uint16, (64, 80))
+    assert codes.min() > 0
+
+
+def test_a_program_file(tiny_checkpoint: Path, tmp_path: Path) -> None:
+    path, facts = tmp_path / "model.pt2", {"col3d.json": ""}
+    exported(tiny_checkpoint, path)
+    program = torch.export.load(path, extra_files=facts).module(check_guards=False)
+    image = torch.rand(1, 3, 90, 70)
+    with torch.no_grad():
+        found, expected = program(image), learnt(tiny_checkpoint).network(image)
+    torch.testing.assert_close(found["depth"], expected["depth"], atol=1e-3, rtol=0)
+    torch.testing.assert_close(found["normals"], expected["normals"], atol=1e-4, rtol=0)
+    assert json.loads(facts["col3d.json"])["trained_size"] == [64, 80]
 
 
 def test_other_networks_are_open_in_their_sizes() -> None:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, UInt8
@@ -9,7 +10,7 @@ from jaxtyping import Bool, Float, UInt8
 from col3d.app.cameras import CameraOption, camera_at, lens_of, view_of
 from col3d.app.learnt import Learnt
 from col3d.checks import DataError
-from col3d.demo.uploads import Truth, fitted
+from col3d.demo.uploads import MOST_SIDE, Truth, fitted
 from col3d.geometry import Camera
 from col3d.metrics.functional import depth_metrics
 from col3d.reports.previews import depth_picture, normals_picture, with_colour_bar
@@ -17,7 +18,7 @@ from col3d.reports.previews import depth_picture, normals_picture, with_colour_b
 SCORES = {"abs_rel": "AbsRel", "rmse": "RMSE, mm", "delta1": "d1, share within a factor of 1.25"}
 SHOWN_SIDE = 420
 """Pixels of the longer side of pictures with a scale, whose letters would else shrink with the page."""
-Picture = UInt8[np.ndarray, "h w 3"]
+Picture = UInt8[np.ndarray, "_ _ 3"]
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ class Answer:
 
     def normals_picture(self) -> Picture | None:
         """X to red, -y to green, -z to blue."""
-        return None if self.normals is None else normals_picture(self.normals, self.mask)
+        return None if self.normals is None else shown(normals_picture(self.normals, self.mask))
 
     def error_picture(self) -> Picture | None:
         """Absolute error in mm, where the truth is known."""
@@ -126,5 +127,15 @@ def predicted(
     return depth, normals
 
 
+def shown(picture: Picture, most_side: int = MOST_SIDE) -> Picture:
+    """The picture between `SHOWN_SIDE` and so many pixels long; what is smaller, with visible pixels."""
+    height, width = picture.shape[:2]
+    share = SHOWN_SIDE / max(height, width)
+    if share <= 1:
+        return fitted(picture, most_side)
+    larger = (round(width * share), round(height * share))
+    return cv2.resize(picture, larger, interpolation=cv2.INTER_NEAREST)
+
+
 def _with_scale(picture: Picture, low: float, high: float, unit: str, scale: str) -> Picture:
-    return with_colour_bar(fitted(picture, SHOWN_SIDE), low, high, unit, scale)
+    return with_colour_bar(shown(picture, SHOWN_SIDE), low, high, unit, scale)

@@ -13,7 +13,7 @@ Give an image or a short video of a colonoscopy, and look at depth, normals and 
 {name} sees them{data}."""
 NOTICE = (
     '<div class="notice"><b>Research software, no medical device.</b> Not for diagnosis, treatment or any '
-    "other clinical use. Files stay on this machine and are deleted after an hour.</div>"
+    "other clinical use. Files stay on this machine and are deleted when the program ends.</div>"
 )
 STYLE = """
 .gradio-container { max-width: 1440px !important; margin: 0 auto; }

@@ -8,12 +8,13 @@ from typing import Any
 import gradio as gr
 
 from col3d.app.learnt import Learnt
-from col3d.demo.answer import Answer, Picture
+from col3d.demo.answer import Answer, Picture, shown
 from col3d.demo.layout import answers, head, questions, said
 from col3d.demo.replies import PINHOLE, Question, Reply, reply, scores_table
 from col3d.demo.samples import Sample
 
 FORGET_SECONDS = 3600
+"""After which uploads are deleted while the program goes on."""
 HIDDEN: dict[str, Any] = {"api_visibility": "private"}
 
 
@@ -104,7 +105,7 @@ def _pictures(answer: Answer, cloud: str | None) -> dict[str, Any]:
     low, high = (round(step * round(end / step), 2) for end in (low, high))
     normals, error = answer.normals_picture(), answer.error_picture()
     return {
-        "image": answer.image,
+        "image": shown(answer.image),
         "depth": answer.depth_picture(low, high),
         "low": gr.Slider(0, most, low, step=step, label=f"Colours of depth from, {answer.unit}"),
         "high": gr.Slider(0, most, high, step=step, label=f"to, {answer.unit}"),

@@ -3,6 +3,8 @@
 import importlib.util
 import logging
 import os
+import signal
+import sys
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -18,6 +20,7 @@ from col3d.checks import UserError
 from col3d.demo.checkpoint import newest_checkpoint
 
 HOST = "127.0.0.1"
+TERMINATED = 143
 RUNS = Path("runs")
 MOST_UPLOAD = "200mb"
 """Beyond which an upload is broken off; what is smaller, the page refuses in words."""
@@ -51,8 +54,10 @@ def serve(given: Mapping[str, Any]) -> None:
     offered = [] if options.samples is None else samples(Path(options.samples))
     pinhole = options.camera if isinstance(options.camera, list) else []
     camera = PINHOLE if pinhole else str(options.camera or UNKNOWN)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))
     print(f"{network.name} of {checkpoint}: http://{HOST}:{options.port} (Ctrl-C ends it)", flush=True)
     with tempfile.TemporaryDirectory(prefix="col3d-") as folder:
+        os.environ["GRADIO_TEMP_DIR"] = folder  # uploads go when the program goes
         blocks = page(network, camera, pinhole, offered, Path(folder))
         _launch(blocks, options, [folder, *(str(sample.image.parent) for sample in offered)], STYLE)
 
