@@ -8,9 +8,8 @@ import pytest
 from tiny_run import composed
 
 from col3d.app.fuse import fuse
-from col3d.checks import UserError
-from col3d.fusion import Surface
-from col3d.fusion.coverage import read_coverage
+from col3d.checks import DataError, UserError
+from col3d.fusion import read_coverage
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*pin_memory.*")
 
@@ -56,9 +55,9 @@ def test_the_mesh_of_the_data_set_is_compared_with(phantom_root: Path, tmp_path:
     found = fused(video, tmp_path / "second")["comparisons"]["truth to coverage_mesh.obj"]  # type: ignore[index]
     assert found["accuracy_mean_mm"] < 1e-3
     assert found["completeness_mean_mm"] < 1e-3
-    whole, seen = read_coverage(video / "coverage_mesh.obj")
-    assert isinstance(whole, Surface)
-    assert len(whole.triangles) == len(seen.triangles) + 1
+    coverage = read_coverage(video / "coverage_mesh.obj")
+    assert coverage.told
+    assert len(coverage.wall.triangles) == len(coverage.seen.triangles) + 1
     (video / "coverage_mesh.obj").write_text("f 1 2 3")
     with pytest.raises(UserError, match=r"coverage_mesh\.obj: not a mesh in OBJ format"):
         fused(video, tmp_path / "third")
@@ -74,3 +73,62 @@ def test_what_cannot_be_fused_is_refused(phantom_root: Path, tmp_path: Path) -> 
     (video / "pose.txt").unlink()
     with pytest.raises(UserError, match=r"pose\.txt"):
         fused(video, tmp_path / "out")
+
+
+def test_files_of_others_and_earlier_fusions_stay(phantom_root: Path, tmp_path: Path) -> None:
+    (tmp_path / "truth.ply").write_text("mine")
+    with pytest.raises(UserError, match=r"holds truth\.ply, which is of no fusion"):
+        fused(phantom_root / "desc_t4_a", tmp_path)
+    assert (tmp_path / "truth.ply").read_text() == "mine"
+    fused(phantom_root / "desc_t4_a", tmp_path / "out")
+    before = (tmp_path / "out" / "truth.ply").read_bytes()
+    with pytest.raises(UserError, match="is no folder of"):
+        fused(phantom_root / "absent", tmp_path / "out", "overwrite=true")
+    assert (tmp_path / "out" / "truth.ply").read_bytes() == before
+
+
+def test_poses_that_are_none_are_refused(
+    phantom_root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    video = tmp_path / "C3VD" / "desc_t4_a"
+    shutil.copytree(phantom_root / "desc_t4_a", video)
+    lines = (video / "pose.txt").read_text().splitlines()
+    first = lines[0].split(",")
+    broken = {
+        "nan": [lines[0], ",".join(["nan", *first[1:]]), lines[2]],
+        "stretched": [lines[0], ",".join(str(3 * float(n)) for n in first[:12]) + "," + ",".join(first[12:])],
+        "blank": ["", *lines],
+    }
+    for name, content in broken.items():
+        (video / "pose.txt").write_text("\n".join(content))
+        with pytest.raises(UserError, match=r"pose\.txt"):
+            fused(video, tmp_path / name)
+    (video / "pose.txt").write_text("\n".join(lines[:2]) + "\n\n")
+    assert fused(video, tmp_path / "short")["frames"] == 2
+    assert "1 of 3 frames have no line in pose.txt" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("seen", "unseen", "told"),
+    [
+        (["g 0"], ["g 1"], True),
+        (["g group_0", "usemtl material_1"], ["g group_1", "usemtl material_1"], True),
+        (["g 0 default"], ["g 1 default"], True),
+        (["usemtl m_12"], ["usemtl m_11"], False),
+        (["g seen"], ["g unseen"], False),
+    ],
+)
+def test_faces_are_told_apart_by_whole_numbers(
+    seen: list[str], unseen: list[str], told: bool, tmp_path: Path
+) -> None:
+    path = tmp_path / "coverage_mesh.obj"
+    corners = ["v 0 0 0", "v 1 0 0", "v 0 1 0", "v 0 0 1"]
+    path.write_text("\n".join([*corners, *seen, "f 1 2 3", *unseen, "f 1/1/1 2/1/1 -1/1/1"]))
+    found = read_coverage(path)
+    assert (found.told, len(found.seen.triangles)) == (told, 1 if told else 2)
+    path.write_text("\n".join([*corners, "g 1", "f 1 2 3"]))
+    with pytest.raises(DataError, match="all of its faces are marked as unseen"):
+        read_coverage(path)
+    path.write_text("v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3")
+    with pytest.raises(DataError, match="not finite"):
+        read_coverage(path)

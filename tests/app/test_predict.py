@@ -180,6 +180,9 @@ def test_an_earlier_prediction_stays(tiny_checkpoint: Path, phantom_root: Path, 
     predicted(tiny_checkpoint, image, tmp_path, "overwrite=true", "previews=false")
     assert (tmp_path / "mine.txt").read_text() == "kept"
     assert not (tmp_path / "previews").exists()
+    with pytest.raises(UserError, match=r"no image of .* could be predicted"):
+        predicted(tiny_checkpoint, image.parent / "0000_depth.tiff", tmp_path, "overwrite=true")
+    assert (tmp_path / "frames" / "0000_color_depth.tiff").exists()
     with pytest.raises(UserError, match="input: no such file or folder"):
         predicted(tiny_checkpoint, tmp_path / "absent.png", tmp_path / "other")
 
@@ -195,3 +198,30 @@ def test_prediction_at_an_image_of_the_networks_size_is_the_networks(tiny_checkp
     assert points.shape == (2, 3, 64, 80)
     with pytest.raises(ValueError, match="camera: expected one of"):
         network.predict(images, LENS.resized((32, 40)))
+
+
+def test_folders_of_others_and_the_input_itself_stay(
+    tiny_checkpoint: Path, phantom_root: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "frames").mkdir()
+    mine = tmp_path / "frames" / "mine.png"
+    shutil.copy(phantom_root / "desc_t4_a" / "0000_color.png", mine)
+    with pytest.raises(UserError, match="holds frames, which is of no prediction"):
+        predicted(tiny_checkpoint, tmp_path / "frames", tmp_path, "overwrite=true")
+    assert mine.exists()
+    predicted(tiny_checkpoint, phantom_root / "desc_t4_a", tmp_path / "out", "files=false")
+    with pytest.raises(UserError, match="holds the input"):
+        predicted(tiny_checkpoint, tmp_path / "out" / "side_by_side.mp4", tmp_path / "out", "overwrite=true")
+
+
+def test_numbers_of_a_pinhole_are_of_the_first_image(tiny_checkpoint: Path, tmp_path: Path) -> None:
+    for name, size in (("1.png", (80, 64)), ("2.png", (160, 128)), ("3.png", (80, 80))):
+        (tmp_path / "in").mkdir(exist_ok=True)
+        Image.new("RGB", size, "red").save(tmp_path / "in" / name)
+    rows = predicted(tiny_checkpoint, tmp_path / "in", tmp_path / "out", "camera=[60,60,40,32]", "clouds=1")
+    assert [bool(row["fault"]) for row in rows] == [False, False, True]
+    assert summary(tmp_path / "out")["camera"]["size_hw"] == [64, 80]  # type: ignore[index]
+    small, large = (trimesh.load(tmp_path / "out" / "clouds" / f"{name}.ply").vertices for name in (1, 2))
+    corners = [points[0, :2] / points[0, 2] for points in (small, large)]
+    assert corners[0] == pytest.approx([-40 / 60, -32 / 60], abs=1e-4)
+    assert corners[1] == pytest.approx([-(40.5 - 0.25) / 60, -(32.5 - 0.25) / 60], abs=1e-4)

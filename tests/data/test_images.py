@@ -39,6 +39,10 @@ def test_files_of_one_stem_have_names_of_their_own(tmp_path: Path) -> None:
         save(tmp_path / name)
     names = [shot.name for shot in image_source(str(tmp_path / "**" / "1.*"))]
     assert sorted(names) == ["a_1_png", "b_1_jpg", "b_1_png"]
+    for name in ("x.y.png", "x_y.png", "a.png", "a.jpg"):
+        save(tmp_path / "in [1]" / name)
+    alike = [shot.name for shot in image_source(str(tmp_path / "in [1]" / "*"))]
+    assert sorted(alike) == ["a_jpg", "a_png", "x_y_png", "x_y_png_2"]
 
 
 def test_the_video_of_c3vd_is_known_by_the_names_of_its_files(tmp_path: Path) -> None:

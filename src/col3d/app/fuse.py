@@ -1,5 +1,6 @@
 """One surface of a whole video, from its true depth and from a network's, and how far they are apart."""
 
+import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -21,7 +22,6 @@ from col3d.app.train import check_accelerator, quiet
 from col3d.checks import DataError, UserError
 from col3d.data.c3vd import C3VD, C3VDv2
 from col3d.data.images import read_image
-from col3d.data.octagon import octagon_mask
 from col3d.data.processes import frames_bar
 from col3d.data.resize import Resize
 from col3d.geometry import Camera
@@ -30,7 +30,7 @@ from col3d.reports.scenes import Cloud, Scene, error_colours, thinned
 from col3d.reports.summary import write_json
 
 if TYPE_CHECKING:
-    from col3d.fusion import Surface
+    from col3d.fusion import Coverage, Surface
 
 INTERRUPTED = 130
 SIZE = (320, 320)
@@ -78,33 +78,44 @@ def fuse(given: Mapping[str, Any]) -> None:
 
 
 def _fuse(options: FuseOptions) -> None:
-    network, output = _network(options), _make_room(options)
-    frames = _video(options)
+    output = _checked_room(options)
+    network, frames = _network(options), _video(options)
     poses = frames.poses(frames.frames[0].video).numpy()
+    wall = _wall(frames)
     size_hw = network.size_hw if network else _pair(options.size) or SIZE
     resize = Resize(size_hw, frames.camera)
     chosen = _chosen(frames, poses, options.frames)
     seen = list(_seen(frames, chosen, poses, resize, network))
     camera = resize.resized_camera
-    truth = _surface("truth", seen, [frame.depth for frame in seen], False, camera, options)
+    found: dict[str, Any] = {"video": options.video, "frames": len(seen), "voxel_mm": options.voxel}
+    surfaces = {"truth": _surface("truth", seen, [frame.depth for frame in seen], camera, options)}
+    if network is not None:
+        factor = _scale(seen) if options.scale == "median" else 1.0
+        found |= {"model": network.name, "checkpoint": options.checkpoint, "scale": factor}
+        depths = [frame.predicted * factor for frame in seen if frame.predicted is not None]
+        surfaces["prediction"] = _surface("prediction", seen, depths, camera, options)
+    found["comparisons"] = _compared(surfaces["truth"], surfaces.get("prediction"), wall, options.voxel)
+    if wall is not None:
+        found["seen_faces"] = [len(wall.seen.triangles), len(wall.wall.triangles)] if wall.told else None
+    _write(output, found, surfaces)
+
+
+def _write(output: Path, found: dict[str, Any], surfaces: Mapping[str, "Surface"]) -> None:
+    """Put everything in place of an earlier fusion."""
+    output.mkdir(parents=True, exist_ok=True)
+    for name in WRITTEN:
+        (output / name).unlink(missing_ok=True)
+    truth = surfaces["truth"]
     truth.write(output / "truth.ply")
     clouds = [_cloud("true depth", truth)]
-    found: dict[str, Any] = {"video": options.video, "frames": len(seen), "voxel_mm": options.voxel}
-    if network is not None:
-        found |= {"model": network.name, "checkpoint": options.checkpoint, "scale": 1.0}
-        found["scale"] = factor = _scale(seen) if options.scale == "median" else 1.0
-        depths = [frame.predicted * factor for frame in seen if frame.predicted is not None]
-        predicted = _surface("prediction", seen, depths, True, camera, options)
+    if predicted := surfaces.get("prediction"):
+        shown = error_colours(truth.distance(predicted.vertices), FAR_OFF)
         predicted.write(output / "predicted.ply")
-        off = truth.distance(predicted.vertices)
-        predicted.write(output / "error.ply", error_colours(off, FAR_OFF))
-        clouds.append(_cloud("prediction", predicted, error_colours(off, FAR_OFF)))
-        found["comparisons"] = _compared(truth, predicted, _wall(frames), options.voxel)
-    else:
-        found["comparisons"] = _compared(truth, None, _wall(frames), options.voxel)
-    write_json(output / SUMMARY, {**found, **provenance()})
-    scene = Scene(Path(options.video).name, tuple(clouds), FAR_OFF, from_camera=False)
+        predicted.write(output / "error.ply", shown)
+        clouds.append(_cloud("prediction", predicted, shown))
+    scene = Scene(Path(found["video"]).name, tuple(clouds), FAR_OFF, from_camera=False)
     write_fusion_page(output / PAGE, found, scene)
+    write_json(output / SUMMARY, {**found, **provenance()})
     print_fusion(found, [output / name for name in WRITTEN if (output / name).exists()])
 
 
@@ -122,22 +133,23 @@ def _pair(size: Sequence[int] | None) -> tuple[int, int] | None:
     return None if size is None else (size[0], size[1])
 
 
-def _make_room(options: FuseOptions) -> Path:
+def _checked_room(options: FuseOptions) -> Path:
+    """The folder, where nothing else would be replaced in it."""
     output = Path(options.output)
-    if (output / SUMMARY).exists() and not options.overwrite:
-        raise UserError(f"output: {output} holds a fusion already; name another folder or overwrite=true")
     if output.exists() and not output.is_dir():
         raise UserError(f"output: {output} is a file; name a folder")
-    for name in WRITTEN:
-        (output / name).unlink(missing_ok=True)
-    output.mkdir(parents=True, exist_ok=True)
+    there = [name for name in WRITTEN if (output / name).exists()]
+    if there and SUMMARY not in there:
+        raise UserError(f"output: {output} holds {there[0]}, which is of no fusion; name another folder")
+    if there and not options.overwrite:
+        raise UserError(f"output: {output} holds a fusion already; name another folder or overwrite=true")
     return output
 
 
 def _video(options: FuseOptions) -> C3VD:
     """The frames of the video, its lens at their size."""
-    path, kind = Path(options.video), DATA_SETS[options.data]
-    root, entry = path.absolute().parent, path.name
+    path, kind = Path(os.path.abspath(options.video)), DATA_SETS[options.data]  # noqa: PTH100 - without ".."
+    root, entry = path.parent, path.name
     folder = root / entry.partition(":")[0]
     images = kind.kinds["color"].find(folder)
     if not images:
@@ -151,6 +163,10 @@ def _chosen(frames: C3VD, poses: np.ndarray, most: int | None) -> list[int]:
     posed = [place for place, frame in enumerate(frames.frames) if frame.number < len(poses)]
     if not posed:
         raise DataError(f"{frames.root}: none of the {len(poses)} lines of pose.txt is of a frame there")
+    if missing := len(frames) - len(posed):
+        print(
+            f"note: {missing} of {len(frames)} frames have no line in pose.txt and are left out", flush=True
+        )
     count = min(most or len(posed), len(posed))
     return [posed[round(place)] for place in np.linspace(0, len(posed) - 1, count)]
 
@@ -180,40 +196,41 @@ def _scale(seen: Sequence[Seen]) -> float:
 
 
 def _surface(
-    what: str,
-    seen: Sequence[Seen],
-    depths: Sequence[Tensor],
-    everywhere: bool,
-    camera: Camera,
-    options: FuseOptions,
+    what: str, seen: Sequence[Seen], depths: Sequence[Tensor], camera: Camera, options: FuseOptions
 ) -> "Surface":
-    """The surface of all frames with these depths, of the pixels where the truth is known, or of all."""
+    """The surface of all frames with these depths, of the pixels where the truth is known."""
     from col3d.fusion import Volume
 
-    volume, view = Volume(options.voxel), octagon_mask(camera.size_hw)
+    if not any(frame.mask.any() for frame in seen):
+        raise DataError("video: no frame has a pixel of known depth")
+    volume = Volume(options.voxel)
     with frames_bar(f"fuse the {what}") as bar:
         for frame, depth in bar.track(list(zip(seen, depths, strict=True))):
-            mask = view if everywhere else frame.mask
-            near = mask if options.far is None else mask & (depth < options.far)
+            near = frame.mask if options.far is None else frame.mask & (depth < options.far)
             volume.add(depth, near, frame.image, camera, frame.pose)
     surface = volume.surface()
     if not len(surface.triangles):
-        raise DataError(f"the {what} gives no surface with voxels of {options.voxel} mm; make voxel= larger")
+        raise DataError(f"the {what} gives no surface; is voxel={options.voxel} too small, or far= too near?")
     return surface
 
 
-def _wall(frames: C3VD) -> tuple["Surface", "Surface"] | None:
-    """The data set's own mesh of the wall and what was seen of it, where it is there."""
+def _wall(frames: C3VD) -> "Coverage | None":
+    """The data set's own mesh of the wall, where it is there."""
     from col3d.fusion import read_coverage
 
     path = frames.root / frames.frames[0].video / COVERAGE
-    return read_coverage(path) if path.is_file() else None
+    if not path.is_file():
+        return None
+    found = read_coverage(path)
+    if not found.told:
+        print(f"note: {COVERAGE} does not say which faces were seen; all of them count", flush=True)
+    return found
 
 
 def _compared(
     truth: "Surface",
     predicted: "Surface | None",
-    wall: tuple["Surface", "Surface"] | None,
+    wall: "Coverage | None",
     spacing: float,
 ) -> dict[str, dict[str, float]]:
     """Every comparison that there is something for, by name."""
@@ -223,10 +240,9 @@ def _compared(
     if predicted is not None:
         found["prediction to fused truth"] = compare(predicted, truth, spacing).summary()
     if wall is not None:
-        whole, seen = wall
-        found[f"truth to {COVERAGE}"] = compare(truth, whole, spacing, seen).summary()
+        found[f"truth to {COVERAGE}"] = compare(truth, wall.wall, spacing, wall.seen).summary()
         if predicted is not None:
-            found[f"prediction to {COVERAGE}"] = compare(predicted, whole, spacing, seen).summary()
+            found[f"prediction to {COVERAGE}"] = compare(predicted, wall.wall, spacing, wall.seen).summary()
     return found
 
 

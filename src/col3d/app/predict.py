@@ -22,7 +22,7 @@ from col3d.checks import DataError, UserError
 from col3d.data.ahead import ahead
 from col3d.data.images import ImageSource, Shot, image_source
 from col3d.data.processes import frames_bar
-from col3d.geometry import Camera, PinholeCamera
+from col3d.geometry import Camera
 
 INTERRUPTED = 130
 READ_AHEAD = 4
@@ -41,8 +41,8 @@ def predict(given: Mapping[str, Any]) -> None:
     quiet()
     options = check_options(PredictOptions, given)
     check_accelerator(options.accelerator)
-    lens = lens_of(options.camera)
     source = _source(options)
+    lens = _lens(options, source)
     network = _network(options, lens)
     _say_what_holds(network, lens)
     with PredictionFolder(Path(options.output), options, network, source, lens) as folder:
@@ -61,6 +61,17 @@ def _source(options: PredictOptions) -> ImageSource:
         return image_source(options.input)
     except DataError as error:
         raise UserError(str(error)) from None
+
+
+def _lens(options: PredictOptions, source: ImageSource) -> Camera | None:
+    """The camera; numbers of a pinhole are of the size of the first image, and are scaled for others."""
+    lens = lens_of(options.camera)
+    if lens is None or lens.size_hw != (0, 0):
+        return lens
+    first = next((shot.image for shot in source if shot.image is not None), None)
+    if first is None:
+        raise UserError(f"input: no image of {options.input} can be read")
+    return camera_at(lens, (first.shape[0], first.shape[1]))
 
 
 def _network(options: PredictOptions, lens: Camera | None) -> Learnt:
@@ -83,19 +94,12 @@ def _say_what_holds(network: Learnt, lens: Camera | None) -> None:
     """What the numbers mean with this camera, before they are made."""
     if lens is None:
         print("camera: none given; depth is relative and no millimetres are claimed", flush=True)
-    elif network.cameras and not _is_known(lens, network):
+    elif network.cameras and not network.knows(lens):
         print(
             f"camera: not the lens that {network.name} was trained with ({', '.join(network.trained_on)}); "
             "millimetres are those of a lens that the network has never seen",
             flush=True,
         )
-
-
-def _is_known(lens: Camera, network: Learnt) -> bool:
-    """Whether it may be a lens of the training; a pinhole by numbers has no size yet to compare by."""
-    if lens.size_hw == (0, 0):
-        return any(isinstance(known, PinholeCamera) for known in network.cameras)
-    return network.knows(lens)
 
 
 def _run(

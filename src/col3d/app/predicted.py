@@ -52,7 +52,6 @@ class CodeFiles:
 
     def __init__(self, folder: Path, max_depth: float) -> None:
         self.folder, self.max_depth = folder / "frames", max_depth
-        self.folder.mkdir(parents=True, exist_ok=True)
 
     def __call__(self, frame: Predicted) -> None:
         """Write those of a frame."""
@@ -68,7 +67,6 @@ class Clouds:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder / "clouds"
-        self.folder.mkdir(parents=True, exist_ok=True)
 
     def __call__(self, frame: Predicted) -> None:
         """Write that of a frame."""

@@ -6,7 +6,7 @@ from collections import deque
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 import torch
@@ -60,7 +60,7 @@ class PredictionFolder:
     def __init__(
         self, path: Path, options: PredictOptions, network: Learnt, source: ImageSource, lens: Camera | None
     ) -> None:
-        _make_room(path, options.overwrite)
+        _check_room(path, options)
         self.path, self.network, self.source, self.lens, self.options = path, network, source, lens, options
         self.unit = "relative" if lens is None else "mm"
         self.is_series = source.is_video if options.video == "auto" else options.video
@@ -69,11 +69,8 @@ class PredictionFolder:
         self.video = VideoWriter(path / VIDEO, options.fps or source.fps or FPS)
         self.files = CodeFiles(path, network.max_depth) if options.files else None
         self.clouds = Clouds(path) if options.clouds else None
-        if options.previews:
-            (path / "previews").mkdir(exist_ok=True)
-        self.table = (path / TABLE).open("w", encoding="utf-8", newline="")
-        self.rows = csv.DictWriter(self.table, COLUMNS)
-        self.rows.writeheader()
+        self.table: IO[str] | None = None
+        self.early: list[dict[str, Any]] = []
         self.pool, self.pending = ThreadPoolExecutor(2), deque[Future[None]]()
         self.recent: deque[tuple[dict[str, Any], torch.Tensor | None]] = deque(maxlen=3)
         self.written, self.faults, self.flicker = 0, list[str](), list[float]()
@@ -90,11 +87,26 @@ class PredictionFolder:
         if error is None:
             self._wait(0)
             self._write_row()
-        self.table.close()
+        if self.table is not None:
+            self.table.close()
         self.video.close()
 
+    def _begin(self) -> None:
+        """Replace what was there, now that there is something to put in its place."""
+        _clear(self.path)
+        kinds = {"frames": self.files, "clouds": self.clouds, "previews": self.options.previews}
+        for part, asked in kinds.items():
+            if asked:
+                (self.path / part).mkdir(parents=True)
+        self.table = (self.path / TABLE).open("w", encoding="utf-8", newline="")
+        self.rows = csv.DictWriter(self.table, COLUMNS)
+        self.rows.writeheader()
+        self.rows.writerows(self.early)
+
     def add(self, frame: Predicted) -> None:
-        """Write a frame."""
+        """Write a frame; the first makes the folder its own."""
+        if self.table is None:
+            self._begin()
         name, number = frame.shot.name, frame.shot.number
         depth = frame.counting
         row = {
@@ -153,12 +165,18 @@ class PredictionFolder:
         return int(last - first) == 2
 
     def _write_row(self, place: int = -1) -> None:
-        if self.recent:
+        if not self.recent:
+            return
+        if self.table is None:
+            self.early.append(self.recent[place][0])
+        else:
             self.rows.writerow(self.recent[place][0])
             self.table.flush()
 
     def report(self, stopped: bool) -> None:
-        """Write the summary, and say on screen what is there."""
+        """Write the summary, and say on screen what is there; where nothing was written, nothing."""
+        if not self.written:
+            return
         flicker = float(np.mean(self.flicker)) if self.flicker else None
         write_json(self.path / SUMMARY, self._summary(stopped, flicker))
         if self.is_series:
@@ -167,8 +185,6 @@ class PredictionFolder:
             print(f"skipped: {fault}", flush=True)
         if len(self.faults) > MOST_FAULTS:
             print(f"skipped: {len(self.faults) - MOST_FAULTS} more, see {TABLE}", flush=True)
-        if not self.written:
-            return
         line = f"predicted {self.written} frames, {np.median(self.seconds):.3f} s each in the network"
         if flicker is not None:
             line += f"; depth flickers by {flicker:.2f} % from frame to frame (median over pixels)"
@@ -207,14 +223,36 @@ def _sparse(frame: Predicted) -> torch.Tensor:
     return depth[None, None]
 
 
-def _make_room(path: Path, overwrite: bool) -> None:
-    """Refuse to mix two predictions, or to delete what is none."""
+def _check_room(path: Path, options: PredictOptions) -> None:
+    """Refuse to mix two predictions, and to delete what is none or is about to be read."""
     if path.exists() and not path.is_dir():
         raise UserError(f"output: {path} is a file; name a folder")
     there = [part for part in PARTS if (path / part).exists()]
-    if there and not overwrite:
+    if not there:
+        return
+    if not _is_ours(path / TABLE):
+        raise UserError(f"output: {path} holds {there[0]}, which is of no prediction; name another folder")
+    source = Path(options.input).resolve()
+    if any(source.is_relative_to((path / part).resolve()) for part in there):
+        raise UserError(f"output: {path} holds the input, {options.input}; name another folder")
+    if not options.overwrite:
         raise UserError(f"output: {path} holds a prediction already; name another folder or overwrite=true")
-    for part in there:
-        found = path / part
-        shutil.rmtree(found) if found.is_dir() else found.unlink()
+
+
+def _is_ours(table: Path) -> bool:
+    try:
+        with table.open(encoding="utf-8") as file:
+            return file.readline().strip() == ",".join(COLUMNS)
+    except (OSError, UnicodeDecodeError):
+        return False
+
+
+def _clear(path: Path) -> None:
+    """Remove an earlier prediction."""
     path.mkdir(parents=True, exist_ok=True)
+    for part in PARTS:
+        found = path / part
+        if found.is_dir():
+            shutil.rmtree(found)
+        else:
+            found.unlink(missing_ok=True)

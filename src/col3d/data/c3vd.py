@@ -22,6 +22,8 @@ from col3d.data.octagon import octagon_mask
 from col3d.data.release import AGREEMENT, FULL_CODE, RELEASES, camera_to_world, disagreement, house_normals
 from col3d.geometry import Camera, OmnidirectionalCamera
 
+OFF_ORTHONORMAL = 1e-3
+"""Largest difference of R R^T from 1 in a pose; C3VD's own are off by 2e-6."""
 MAX_DEPTH = 100.0
 """Depth in mm of the highest code, which also stands for everything beyond."""
 
@@ -93,11 +95,16 @@ class C3VD(FrameSet):
         """
         path = self.root / video / "pose.txt"
         try:
-            lines = path.read_text(encoding="utf-8").splitlines()
-            rows = [[float(number) for number in line.split(",")] for line in lines if line.strip()]
+            lines = path.read_text(encoding="utf-8").rstrip().splitlines()
+            rows = [[float(number) for number in line.split(",")] for line in lines]
             if {len(row) for row in rows} != {16}:
                 raise ValueError(f"got {len(rows)} lines of {sorted({len(row) for row in rows})}")
-            return torch.from_numpy(camera_to_world(np.array(rows)))
+            poses = camera_to_world(np.array(rows))
+            turns = poses[:, :3, :3]
+            off = np.abs(turns @ turns.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
+            if not (fine := np.isfinite(poses).all(axis=(1, 2)) & (off < OFF_ORTHONORMAL)).all():
+                raise ValueError(f"line {int(np.argmin(fine)) + 1} is no rotation with a place")
+            return torch.from_numpy(poses)
         except (OSError, ValueError) as error:
             raise DataError(f"{path}: expected lines of 16 comma-separated numbers ({error})") from None
 

@@ -128,7 +128,8 @@ def image_source(given: str) -> ImageSource:
             return VideoFile(path)
         return ImageFiles(path.stem, {0: path}, is_video=False)
     if any(sign in given for sign in "*?["):
-        found = [Path(name) for name in glob.glob(given, recursive=True)]  # noqa: PTH207 - absolute or not
+        pattern = str(Path(glob.escape(str(path.parent))) / path.name) if path.parent.is_dir() else given
+        found = [Path(name) for name in glob.glob(pattern, recursive=True)]  # noqa: PTH207 - absolute or not
         files = _images(found)
         if not files:
             raise DataError(f"input: {given} matches no image ({', '.join(IMAGE_ENDINGS)})")
@@ -140,7 +141,7 @@ def read_image(path: Path) -> np.ndarray:
     """Any whole image file as RGB (h, w, 3) in 8 bits, pixels as they lie in it.
 
     Raises:
-        DataError: it is no image, is cut off, or has more than 8 bits.
+        DataError: it is no image, is cut off, or is grey of more than 8 bits; colours of more are reduced.
     """
     try:
         with Image.open(path) as image:
@@ -183,7 +184,18 @@ def _names(paths: Sequence[Path]) -> list[str]:
         return stems
     absolute = [path.absolute() for path in paths]
     shared = Path(*_common([path.parent.parts for path in absolute]))
-    return ["_".join(path.relative_to(shared).parts).replace(".", "_") for path in absolute]
+    return _told_apart(["_".join(path.relative_to(shared).parts).replace(".", "_") for path in absolute])
+
+
+def _told_apart(names: Sequence[str]) -> list[str]:
+    """The names, with a number after those that came before."""
+    found: list[str] = []
+    for name in names:
+        number, free = 2, name
+        while free in found:
+            number, free = number + 1, f"{name}_{number}"
+        found.append(free)
+    return found
 
 
 def _common(parts: Sequence[tuple[str, ...]]) -> list[str]:

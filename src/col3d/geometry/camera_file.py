@@ -6,7 +6,8 @@ which the top left one has its centre at (0, 0). Any camera is also the fields o
 """
 
 import json
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
@@ -37,10 +38,22 @@ def camera_from_plain(plain: Mapping[str, Any]) -> Camera:
         names = ("fx", "fy", "cx", "cy")
         fx, fy, cx, cy = _numbers(", ".join(names), [given.pop(name, None) for name in names], 4)
         _check_rest(given)
+        if fx <= 0 or fy <= 0:
+            raise ValueError(f"fx, fy: expected numbers above 0, got {fx} and {fy}")
+        _check_size((height, width))
         return PinholeCamera.from_focal((int(height), int(width)), fx, fy, cx, cy)
     values = {field.name: _frozen(field.name, given.pop(field.name, None)) for field in fields(kind)}
     _check_rest(given)
+    _check_size(values["size_hw"])
+    (a, b), (c, d) = values["stretch"]
+    if a * d == b * c:
+        raise ValueError(f"stretch: expected a matrix that can be inverted, got {values['stretch']}")
     return kind(**values)
+
+
+def _check_size(size_hw: Sequence[int | float]) -> None:
+    if not all(side >= 1 and side == int(side) for side in size_hw):
+        raise ValueError(f"size: expected whole numbers of pixels from 1 on, got {tuple(size_hw)}")
 
 
 def read_camera(path: Path) -> Camera:
@@ -74,6 +87,8 @@ def _numbers(name: str, values: Any, count: int) -> tuple[float, ...]:
         raise ValueError(f"{name}: expected {count} numbers, got {values!r}")
     if not all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
         raise ValueError(f"{name}: expected numbers, got {values!r}")
+    if not all(math.isfinite(value) for value in values):
+        raise ValueError(f"{name}: expected finite numbers, got {values!r}")
     return tuple(float(value) for value in values)
 
 

@@ -24,6 +24,8 @@ from col3d.reports.scenes import Scene, read_frame
 from col3d.reports.summary import HEADINGS, rows_of
 
 PAGE = "run.html"
+NEEDED = {"model", "data", "split", "seed", "protocol", "frames", "metrics", "videos"}
+"""What a summary has."""
 
 
 def write_run_page(folder: Path) -> Path:
@@ -40,7 +42,10 @@ def write_run_page(folder: Path) -> Path:
     """
     summary = _read_summary(folder)
     config = folder / "config.yaml"
-    options = yaml.safe_load(config.read_text(encoding="utf-8")) if config.is_file() else {}
+    try:
+        options = yaml.safe_load(config.read_text(encoding="utf-8")) if config.is_file() else {}
+    except yaml.YAMLError:
+        raise UserError(f"{config}: not YAML") from None
     panels = sorted((folder / "panels").glob("*.png"))
     facts = {
         "title": "{model} on {data}, {split} split, seed {seed}".format(**summary),
@@ -72,7 +77,9 @@ def _read_summary(folder: Path) -> dict[str, Any]:
     try:
         found: dict[str, Any] = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        raise UserError(f"{folder}: no finished run, summary.json is missing or broken") from None
+        found = {}
+    if not isinstance(found, dict) or not found.keys() >= NEEDED:
+        raise UserError(f"{folder}: no finished run, summary.json is missing or broken")
     return found
 
 
@@ -105,4 +112,5 @@ if __name__ == "__main__":
         for given in sys.argv[1:] or ["runs/default"]:
             print(write_run_page(Path(given)))
     except (UserError, ValueError, OSError) as error:
-        sys.exit(f"error: {error}")
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(2)
