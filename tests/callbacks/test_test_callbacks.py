@@ -12,10 +12,12 @@ from lightning import LightningModule, Trainer
 from torch.nn.functional import normalize
 
 from col3d.callbacks import ImagePanels, PerFrameTable
+from col3d.geometry import PinholeCamera
 from col3d.metrics.functional import DEPTH_METRICS, depth_metrics, normal_metrics
 from col3d.reports.per_frame import METRICS, means, read_per_frame
 
 MODULE = Mock(spec=LightningModule)
+CAMERA = PinholeCamera.from_focal((12, 16), 10.0, 10.0, 7.5, 5.5)
 FACTS = {"model": "bts", "seed": 3, "data": "phantom", "split": "test", "protocol": "house"}
 
 
@@ -27,6 +29,7 @@ def batch_of(frames: list[int], video: str) -> dict[str, Any]:
         "depth": torch.rand(count, 1, 12, 16, generator=generator) * 50 + 1,
         "normals": normalize(torch.randn(count, 3, 12, 16, generator=generator), dim=1),
         "mask": torch.rand(count, 1, 12, 16, generator=generator) > 0.2,
+        "rays": CAMERA.rays().expand(count, -1, -1, -1),
         "video": [video] * count,
         "frame": torch.tensor(frames),
     }
@@ -114,7 +117,7 @@ def test_other_processes_write_nothing(tmp_path: Path) -> None:
 def test_panels_are_spread_over_the_frames(tmp_path: Path, count: int, expected: set[int]) -> None:
     callback = ImagePanels(tmp_path / "panels", count)
     run(callback, [batch_of([0, 1, 2], "b"), batch_of([3, 4], "b")], normals=count == 2)
-    names = {f"b_{number:04d}.png" for number in expected}
+    names = {f"b_{number:04d}.{kind}" for number in expected for kind in ("png", "npz")}
     assert {path.name for path in (tmp_path / "panels").glob("*")} == names
     assert {path.name for path in callback.paths} == names
     assert all(cv2.imread(str(path)) is not None for path in callback.paths)
