@@ -117,9 +117,10 @@ def test_other_processes_write_nothing(tmp_path: Path) -> None:
 def test_panels_are_spread_over_the_frames(tmp_path: Path, count: int, expected: set[int]) -> None:
     callback = ImagePanels(tmp_path / "panels", count)
     run(callback, [batch_of([0, 1, 2], "b"), batch_of([3, 4], "b")], normals=count == 2)
-    names = {f"b_{number:04d}.{kind}" for number in expected for kind in ("png", "npz")}
-    assert {path.name for path in (tmp_path / "panels").glob("*")} == names
-    assert {path.name for path in callback.paths} == names
+    stems = {f"b_{number:04d}" for number in expected}
+    written = {path.name for path in (tmp_path / "panels").glob("*")}
+    assert written == {f"{stem}.{kind}" for stem in stems for kind in ("png", "npz")}
+    assert {path.name for path in callback.paths} == {f"{stem}.png" for stem in stems}
     assert all(cv2.imread(str(path)) is not None for path in callback.paths)
 
 
