@@ -15,6 +15,8 @@ from pydantic import (
 from col3d.reports.per_frame import DEPTH_METRICS, NORMAL_METRICS
 
 Split = Literal["train", "val", "test"]
+Published = Literal["bts", "col3d_bts_cbam", "col3d_mtl_no_xtc", "col3d_mtl", "newcrfs", "monodepth_fpn"]
+"""Whose weights a checkpoint holds: `col3d.models.published`."""
 Weight = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Probability = Annotated[float, Field(ge=0, le=1)]
 Side = Annotated[int, Field(ge=64)]
@@ -376,9 +378,7 @@ class EvaluateOptions(Options):
     """
 
     checkpoint: str
-    published: (
-        Literal["bts", "col3d_bts_cbam", "col3d_mtl_no_xtc", "col3d_mtl", "newcrfs", "monodepth_fpn"] | None
-    )
+    published: Published | None
     max_depth: PositiveFloat | None
     size: Annotated[list[Side], Field(min_length=2, max_length=2)] | None
     protocol: Protocols
@@ -456,9 +456,7 @@ class LearntOptions(Options):
     """Which network: a checkpoint of ours, or of the authors named by `published`."""
 
     checkpoint: str
-    published: (
-        Literal["bts", "col3d_bts_cbam", "col3d_mtl_no_xtc", "col3d_mtl", "newcrfs", "monodepth_fpn"] | None
-    )
+    published: Published | None
     max_depth: PositiveFloat | None
     size: Annotated[list[Side], Field(min_length=2, max_length=2)] | None
 
@@ -504,9 +502,7 @@ class FuseOptions(Options):
     output: str
     overwrite: bool
     checkpoint: str | None
-    published: (
-        Literal["bts", "col3d_bts_cbam", "col3d_mtl_no_xtc", "col3d_mtl", "newcrfs", "monodepth_fpn"] | None
-    )
+    published: Published | None
     max_depth: PositiveFloat | None
     size: Annotated[list[Side], Field(min_length=2, max_length=2)] | None
     scale: Literal["none", "median"]
@@ -546,9 +542,7 @@ class AppOptions(Options):
     """Everything that `app.py` takes."""
 
     checkpoint: str | None
-    published: (
-        Literal["bts", "col3d_bts_cbam", "col3d_mtl_no_xtc", "col3d_mtl", "newcrfs", "monodepth_fpn"] | None
-    )
+    published: Published | None
     max_depth: PositiveFloat | None
     size: Annotated[list[Side], Field(min_length=2, max_length=2)] | None
     camera: Annotated[Literal["c3vd", "c3vdv2", "simcol3d"] | list[float] | None, NoneWord]

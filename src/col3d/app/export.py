@@ -45,9 +45,7 @@ def export(given: Mapping[str, Any]) -> None:
     options = check_options(ExportOptions, given)
     path = Path(options.output)
     _check(path, options.overwrite)
-    height, width = options.size or (None, None)
-    size = None if height is None or width is None else (height, width)
-    subject = learnt(Path(options.checkpoint), options.published, options.max_depth, size)
+    subject = learnt(Path(options.checkpoint), options.published, options.max_depth, options.size)
     with _in_place(path) as partial:
         print(f"export: {subject.name} to {path}, which takes a while", flush=True)
         likeness = _write(subject, partial, path.suffix)

@@ -9,14 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import torch
 from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
 from col3d.app.cameras import camera_at
 from col3d.app.config import FuseOptions
 from col3d.app.errors import check_options
-from col3d.app.learnt import Learnt, learnt
+from col3d.app.learnt import SIZE, Learnt, learnt
 from col3d.app.provenance import provenance
 from col3d.app.train import check_accelerator, quiet
 from col3d.checks import DataError, UserError
@@ -33,7 +32,6 @@ if TYPE_CHECKING:
     from col3d.fusion import Coverage, Surface
 
 INTERRUPTED = 130
-SIZE = (320, 320)
 FAR_OFF = 5.0
 """Millimetres at the upper end of the colours of errors."""
 SHOWN = 60_000
@@ -82,8 +80,8 @@ def _fuse(options: FuseOptions) -> None:
     network, frames = _network(options), _video(options)
     poses = frames.poses(frames.frames[0].video).numpy()
     wall = _wall(frames)
-    size_hw = network.size_hw if network else _pair(options.size) or SIZE
-    resize = Resize(size_hw, frames.camera)
+    height, width = network.size_hw if network else options.size or SIZE
+    resize = Resize((height, width), frames.camera)
     chosen = _chosen(frames, poses, options.frames)
     seen = list(_seen(frames, chosen, poses, resize, network))
     camera = resize.resized_camera
@@ -122,15 +120,9 @@ def _write(output: Path, found: dict[str, Any], surfaces: Mapping[str, "Surface"
 def _network(options: FuseOptions) -> Learnt | None:
     if options.checkpoint is None:
         return None
-    size = _pair(options.size)
-    found = learnt(Path(options.checkpoint), options.published, options.max_depth, size)
-    on_cpu = options.accelerator == "cpu" or not torch.cuda.is_available()
-    found.network.to("cpu" if on_cpu else "cuda")
+    found = learnt(Path(options.checkpoint), options.published, options.max_depth, options.size)
+    found.place(options.accelerator)
     return found
-
-
-def _pair(size: Sequence[int] | None) -> tuple[int, int] | None:
-    return None if size is None else (size[0], size[1])
 
 
 def _checked_room(options: FuseOptions) -> Path:

@@ -1,6 +1,6 @@
 """A network that has learned: the one of a checkpoint, and what is known of how it came about."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,8 @@ from col3d.tasks import SupervisedTask
 
 MAX_DEPTH = 100.0
 """Millimetres that the published programs for C3VD are trained with."""
+SIZE = (320, 320)
+"""Height and width that they see."""
 SAME_LENS = 1e-3
 """Largest difference of two unit rays of one lens."""
 
@@ -74,6 +76,11 @@ class Learnt:
             enlarged["normals"] = unit(_at(prediction["normals"].float(), size_hw))
         return enlarged
 
+    def place(self, accelerator: str) -> None:
+        """Move the network to where an option `accelerator` says: auto takes a GPU where there is one."""
+        on_cpu = accelerator == "cpu" or not torch.cuda.is_available()
+        self.network.to("cpu" if on_cpu else "cuda")
+
     def knows(self, camera: Camera) -> bool:
         """Whether images of this camera have the lens of frames that the network was trained on."""
         rays = camera.resized(self.size_hw).rays()
@@ -88,7 +95,7 @@ def learnt(
     path: Path,
     published: str | None = None,
     max_depth: float | None = None,
-    size: tuple[int, int] | None = None,
+    size: Sequence[int] | None = None,
 ) -> Learnt:
     """The network of a checkpoint.
 
@@ -96,14 +103,15 @@ def learnt(
         path: of a checkpoint of `train.py`, or of the authors.
         published: whose weights it holds; None for a checkpoint of `train.py`.
         max_depth: millimetres that published weights were trained with; 100 when absent.
-        size: that published weights see; 320 x 320 when absent.
+        size: height and width that published weights see; 320 x 320 when absent.
 
     Raises:
         UserError: the file is no such checkpoint.
     """
     if published is not None:
         network = published_network(path, published, max_depth)
-        return Learnt(network, published, size or (320, 320), max_depth or MAX_DEPTH, (), ())
+        height, width = size or SIZE
+        return Learnt(network, published, (height, width), max_depth or MAX_DEPTH, (), ())
     if max_depth is not None or size is not None:
         option = "max_depth" if size is None else "size"
         raise UserError(f"{option}: our checkpoints know theirs; it is for published weights")

@@ -75,16 +75,13 @@ def _lens(options: PredictOptions, source: ImageSource) -> Camera | None:
 
 
 def _network(options: PredictOptions, lens: Camera | None) -> Learnt:
-    height, width = options.size or (None, None)
-    size = None if height is None or width is None else (height, width)
-    found = learnt(Path(options.checkpoint), options.published, options.max_depth, size)
+    found = learnt(Path(options.checkpoint), options.published, options.max_depth, options.size)
     if found.network.needs_rays and lens is None:
         raise UserError(
             "camera: this network's normals are relative to the viewing rays (model.normal_frame=ray); "
             "give the camera of the images, such as camera=c3vd"
         )
-    on_cpu = options.accelerator == "cpu" or not torch.cuda.is_available()
-    found.network.to("cpu" if on_cpu else "cuda")
+    found.place(options.accelerator)
     if options.compile:
         compile_network(found.network, trained=True)
     return found

@@ -19,11 +19,17 @@ from col3d.checks import DataError, check_known
 from col3d.data.files import read_grey, read_rgb
 from col3d.data.frames import Depth, Frame, FrameSet, Kind, Take, everywhere
 from col3d.data.octagon import octagon_mask
-from col3d.data.release import AGREEMENT, FULL_CODE, RELEASES, camera_to_world, disagreement, house_normals
+from col3d.data.release import (
+    AGREEMENT,
+    FULL_CODE,
+    OFF_ORTHONORMAL,
+    RELEASES,
+    camera_to_world,
+    disagreement,
+    house_normals,
+)
 from col3d.geometry import Camera, OmnidirectionalCamera
 
-OFF_ORTHONORMAL = 1e-3
-"""Largest difference of R R^T from 1 in a pose; C3VD's own are off by 2e-6."""
 MAX_DEPTH = 100.0
 """Depth in mm of the highest code, which also stands for everything beyond."""
 

@@ -14,6 +14,8 @@ from col3d.geometry.normals import unit_in_place
 
 RELEASES = ("current", "pre_2023_05")
 FULL_CODE = 65535
+OFF_ORTHONORMAL = 1e-3
+"""Largest difference of R R^T from 1 in a pose; C3VD's own are off by 2e-6."""
 BLOCKS = 108
 """Rows of blocks in which stored normals are held against the depth: wide enough for depth of 8 bits."""
 AGREEMENT = 25.0

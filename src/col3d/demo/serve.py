@@ -10,8 +10,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import torch
-
 from col3d.app.config import AppOptions
 from col3d.app.errors import check_options
 from col3d.app.learnt import learnt
@@ -41,10 +39,8 @@ def serve(given: Mapping[str, Any]) -> None:
     if importlib.util.find_spec("gradio") is None:
         raise UserError("app: needs pip install -e '.[demo]'")
     checkpoint = newest_checkpoint(RUNS) if options.checkpoint is None else Path(options.checkpoint)
-    height, width = options.size or (None, None)
-    size = None if height is None or width is None else (height, width)
-    network = learnt(checkpoint, options.published, options.max_depth, size)
-    network.network.to("cuda" if torch.cuda.is_available() else "cpu")
+    network = learnt(checkpoint, options.published, options.max_depth, options.size)
+    network.place("auto")
     os.environ.update(SILENT)  # before Gradio is imported
     from col3d.demo.layout import STYLE
     from col3d.demo.page import page

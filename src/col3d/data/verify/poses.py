@@ -8,14 +8,12 @@ import torch
 from jaxtyping import Float64
 
 from col3d.data.frames import Depth
-from col3d.data.release import camera_to_world
+from col3d.data.release import OFF_ORTHONORMAL, camera_to_world
 from col3d.data.verify.findings import NAN, Finding, Reprojection
 from col3d.geometry import Camera
 
 Pose = Float64[np.ndarray, "4 4"]
 LAST = np.array([0.0, 0.0, 0.0, 1.0])
-OFF_ORTHONORMAL = 1e-3
-"""Largest difference of R R^T from 1; C3VD's own are off by 2e-6."""
 SPACING = 108
 """Rows of points that are carried over."""
 ENOUGH_SEEN = 0.05
