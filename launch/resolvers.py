@@ -34,6 +34,22 @@ def size_of(preset: str | None, data: str) -> Any:
     return OmegaConf.select(OmegaConf.load(path), "data.size")
 
 
+def colons(first: int, last: int) -> list[str]:
+    """Names of a phantom's videos, each grown from a seed of its own."""
+    from col3d.data.splits import seeded_videos
+
+    return seeded_videos(first, last)
+
+
+def drawn(randomise: Any) -> str:
+    """What a phantom's folder is called after, by what its videos draw anew."""
+    if isinstance(randomise, bool):
+        return "_randomised" if randomise else ""
+    return "".join(f"_{part}" for part in sorted(randomise))
+
+
+OmegaConf.register_new_resolver("colons", colons, replace=True)
+OmegaConf.register_new_resolver("drawn", drawn, replace=True)
 OmegaConf.register_new_resolver("size_of", size_of, replace=True)
 OmegaConf.register_new_resolver("slug", slug, replace=True)
 OmegaConf.register_new_resolver("by_scale", by_scale, replace=True)

@@ -149,6 +149,7 @@ class SourceOptions(Options):
     split: SplitOptions
     allow_missing: bool
     store: str = "auto"
+    randomise: bool | list[Literal["anatomy", "tissue", "light", "sensor"]] = False
     weight: PositiveFloat = 1.0
     layout: LayoutOptions | None = None
 
@@ -156,6 +157,8 @@ class SourceOptions(Options):
     def _has_what_it_says(self) -> "SourceOptions":
         if self.normals == "stored" and self.name in ("simcol3d", "folder"):
             raise ValueError(f"data.normals: {self.name} stores none; take derived or none")
+        if self.randomise and self.name != "phantom":
+            raise ValueError(f"data.randomise: belongs to data=phantom, got data={self.name}")
         if (self.layout is None) == (self.name == "folder"):
             raise ValueError(f"data.layout: belongs to data=folder, got data={self.name}")
         return self

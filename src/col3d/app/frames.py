@@ -12,7 +12,7 @@ from col3d.data.c3vd import C3VD, C3VDv2
 from col3d.data.datamodule import FrameDataModule, Frames
 from col3d.data.folder import FolderFrames
 from col3d.data.frames import FrameSet
-from col3d.data.phantom import PhantomSettings, phantom_camera, render_phantom
+from col3d.data.phantom import PARTS, PhantomSettings, phantom_camera, render_phantom
 from col3d.data.simcol3d import SimCol3D
 from col3d.data.sized import Joined, Resized, SizedFrames, WithMixedTruth
 from col3d.data.splits import SPLITS, check_counts, expand, paper_split, parse_selection, video_table
@@ -45,13 +45,18 @@ def _settled(source: Source, phantom: PhantomOptions) -> Source:
     )
 
 
-def phantom_settings(options: PhantomOptions, videos: Iterable[str] | None = None) -> PhantomSettings:
+def phantom_settings(
+    source: SourceOptions, options: PhantomOptions, videos: Iterable[str] | None = None
+) -> PhantomSettings:
     """What is asked to be rendered: these videos, or all."""
     height, width = options.size
+    asked = source.randomise
+    randomise = (PARTS if asked else ()) if isinstance(asked, bool) else tuple(asked)
     return PhantomSettings(
         size_hw=(height, width),
         frames_per_video=options.frames_per_video,
         seed=options.seed,
+        randomise=randomise,
         videos=tuple(video_table() if videos is None else videos),
     )
 
@@ -65,7 +70,7 @@ def frame_set(source: SourceOptions, phantom: PhantomOptions, entries: Sequence[
     root, normals = Path(source.root), source.normals
     match source.name:
         case "phantom":
-            camera = phantom_camera(phantom_settings(phantom))
+            camera = phantom_camera(phantom_settings(source, phantom))
             return C3VD(root, entries, source.release, normals, camera)
         case "c3vd":
             return C3VD(root, entries, source.release, normals)
@@ -87,7 +92,8 @@ def entries_of(source: SourceOptions, phantom: PhantomOptions, part: str) -> lis
     named = getattr(source.split, part)
     if source.name == "phantom":
         videos = sorted({parse_selection(entry).video for entry in named})
-        render_phantom(Path(source.root), phantom_settings(phantom, videos))
+        render_phantom(Path(source.root), phantom_settings(source, phantom, videos))
+        return _at_hand(source, part, named, videos)
     return _at_hand(source, part, named, _videos_at_hand(source, phantom))
 
 

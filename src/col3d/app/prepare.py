@@ -18,6 +18,7 @@ from col3d.data.frames import FrameSet
 from col3d.data.phantom import render_phantom
 from col3d.data.processes import in_processes, remove_stale
 from col3d.data.sized import Resized
+from col3d.data.splits import seeded_name, selection_of_any_video
 from col3d.data.store import Recipe, read_video, write_video
 from col3d.data.store.index import shapes
 
@@ -35,7 +36,7 @@ def prepare(given: Mapping[str, Any]) -> None:
     source, size_hw = options.data, (options.data.size[0], options.data.size[1])
     try:
         if source.name == "phantom":
-            settings = phantom_settings(options.phantom)
+            settings = phantom_settings(source, options.phantom, _videos_of(source))
             render_phantom(Path(source.root), settings, workers=options.workers)
             print(f"phantom ready: {source.root}, {len(settings.videos)} videos", flush=True)
         frames = frame_set(source, options.phantom, [])
@@ -45,6 +46,13 @@ def prepare(given: Mapping[str, Any]) -> None:
     except KeyboardInterrupt:
         print("stopped; the same command goes on", flush=True)
         sys.exit(INTERRUPTED)
+
+
+def _videos_of(source: SourceOptions) -> list[str] | None:
+    """Those of a phantom's split where it names colons of their own seeds; None, which is all of C3VD's, else."""
+    parts = (source.split.train, source.split.val, source.split.test)
+    named = sorted({selection_of_any_video(entry).video for part in parts for entry in part})
+    return named if any(seeded_name(video, 0)[0] != video for video in named) else None
 
 
 def _prepare(

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from col3d.data.splits import describe, selection_of_any_video
+from col3d.data.splits import describe, seeded_name, selection_of_any_video
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,8 @@ def shared_with_training(train: Sequence[str], test: Sequence[str]) -> list[Shar
 
 def _shared(video: str, seen: Sequence[str]) -> Shared:
     segment, texture = describe(video)
-    known = [other for other in seen if segment and describe(other)[0]]
+    seed = seeded_name(video, 0)[1]  # rendered videos of other seeds have nothing in common
+    known = [o for o in seen if segment and describe(o)[0] and seeded_name(o, 0)[1] == seed]
     alike = {other: (describe(other)[0] == segment, describe(other)[1] == texture) for other in known}
     return Shared(
         video,

@@ -12,6 +12,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import cv2
+import torch
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 POLL_SECONDS = 0.2
@@ -93,6 +95,8 @@ def _in_pool(
 def _start(counter: Any) -> None:
     global _frames_done  # noqa: PLW0603 - a pool hands its workers shared values at their start alone
     _frames_done = counter
+    cv2.setNumThreads(0)  # there are as many processes as cores; threads of each would wait on the others
+    torch.set_num_threads(1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the parent, which ends its workers
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # so that they clear away what is half done
     threading.Thread(target=_end_with_parent, daemon=True).start()

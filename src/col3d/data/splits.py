@@ -84,9 +84,21 @@ def leave_out(kind: str, value: str) -> dict[str, list[str]]:
     }
 
 
+def seeded_name(video: str, seed: int) -> tuple[str, int]:
+    """Split `cecum_t1_a_s7`, a phantom's video of a seed of its own, into name and seed; else as given."""
+    match = re.fullmatch(r"(.+)_s(\d+)", video)
+    return (match[1], int(match[2])) if match and match[1] in video_table() else (video, seed)
+
+
+def seeded_videos(first: int, last: int) -> list[str]:
+    """Names of a phantom's videos number `first` to `last`: all of C3VD's of seed 0, then of seed 1 and so on."""
+    names = list(video_table())
+    return [f"{names[k % len(names)]}_s{k // len(names)}" for k in range(first, last + 1)]
+
+
 def describe(video: str) -> tuple[str, str]:
     """Segment and texture of a video, empty where the table does not list it."""
-    row = video_table().get(video)
+    row = video_table().get(seeded_name(video, 0)[0])
     return (row.segment, row.texture) if row else ("", "")
 
 
@@ -109,7 +121,7 @@ def parse_selection(entry: str, present: Sequence[str] = ()) -> Selection:
     name, first, last = match.groups()
     names = {video.label: video.name for video in video_table().values() if video.label}
     name = names.get(PRINTED_LABELS.get(name, name), name)
-    if name not in video_table() and name not in present:
+    if seeded_name(name, 0)[0] not in video_table() and name not in present:
         known = [*video_table(), *names, *present]
         raise DataError(
             f"video {name!r} is neither one of C3VD nor a video of data.root{nearest_name(name, known)}"

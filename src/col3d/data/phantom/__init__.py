@@ -8,6 +8,6 @@ or mesh with the data set; only the names of the videos, the lens and the file f
 """
 
 from col3d.data.phantom.make import phantom_is_complete, render_phantom
-from col3d.data.phantom.settings import PhantomSettings, phantom_camera
+from col3d.data.phantom.settings import PARTS, PhantomSettings, phantom_camera
 
-__all__ = ["PhantomSettings", "phantom_camera", "phantom_is_complete", "render_phantom"]
+__all__ = ["PARTS", "PhantomSettings", "phantom_camera", "phantom_is_complete", "render_phantom"]

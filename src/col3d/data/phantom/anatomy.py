@@ -6,15 +6,13 @@ import numpy as np
 from jaxtyping import Float, Float32, Int32
 
 from col3d.data.phantom.centreline import Centreline, grow_centreline
-from col3d.data.phantom.relief import Fold, bumps, fold_heights, place_folds, pouch, swell
+from col3d.data.phantom.relief import Fold, bumps, fold_heights, place_folds, pouch, swell, wrinkles
 from col3d.data.phantom.segments import Segment
 
 AROUND = 300
 """Vertices of one ring."""
 ROW_STEP = 0.55
 """Distance of rings along the tube in mm, away from folds."""
-CAP_FLATNESS = 0.75
-"""Length of the closed ends over their radius."""
 LEAN = 0.25
 """How far folds lean along the tube, as a fraction of their height: crests hide what lies behind."""
 
@@ -50,7 +48,9 @@ def build_colon(segment: Segment, random: np.random.Generator) -> Colon:
     height = fold_heights(folds, rows, theta)
     other = bumps(segment, rows, theta, radius, random) + swell(base, random)
     if segment.pouch:
-        other += pouch(rows, theta, segment.radius)
+        other += pouch(rows, theta, segment)
+    if segment.wrinkle:
+        other += wrinkles(segment, rows, theta, random)
     wall = base + (height + other)[..., None] * inward + (LEAN * height)[..., None] * lean
     wall[[0, -1]] = wall[[0, -1]].mean(axis=1, keepdims=True)
     return Colon(
@@ -86,13 +86,13 @@ def _tube(
     point, tangent, aside, up = centreline.frames(inside)
     tilt = (rows - inside) / segment.radius
     waves = random.uniform(0, 2 * np.pi, 3)
-    calibre = 1 + 0.07 * np.sin(rows / 31 + waves[0]) + 0.05 * np.sin(rows / 17 + waves[1])
+    calibre = 1 + segment.swing * (np.sin(rows / 31 + waves[0]) + 0.7 * np.sin(rows / 17 + waves[1]))
     twist = waves[2] + 0.6 * np.sin(rows / 70)
-    corner = 1 + segment.triangularity * np.cos(3 * (theta[None] - twist[:, None]))
+    corner = 1 + segment.lobe * np.cos(segment.lobes * (theta[None] - twist[:, None]))
     radius = segment.radius * calibre[:, None] * corner * np.cos(tilt)[:, None]
     outward = np.cos(theta)[:, None] * aside[:, None] + np.sin(theta)[:, None] * up[:, None]
     along = tangent[:, None]
-    middle = point + (CAP_FLATNESS * segment.radius * np.sin(tilt))[:, None] * tangent
+    middle = point + (segment.flatness * segment.radius * np.sin(tilt))[:, None] * tangent
     base = middle[:, None] + radius[..., None] * outward
     inward = -np.cos(tilt)[:, None, None] * outward - np.sin(tilt)[:, None, None] * along
     return base, inward, np.broadcast_to(along, base.shape), radius

@@ -1,4 +1,4 @@
-"""How the phantom looks: mucosa, vessels and wet highlights under two lamps beside the lens."""
+"""How the wall looks from the lens: mucosa, vessels, mucus, bubbles and wet highlights under two lamps."""
 
 from dataclasses import dataclass
 
@@ -6,46 +6,51 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from col3d.data.phantom.anatomy import Colon
+from col3d.data.phantom.look import Colour, Light, Tissue
 from col3d.data.phantom.noise import random_lattice, smoothstep, value_noise
+from col3d.data.phantom.texture import FineTexture, axis_shares
 
-LAMPS = ((-3.2, 1.2, -0.5), (2.8, 1.6, -0.5))
-"""Places of the lamps in camera axes, in mm."""
-SCATTER = 0.5
-"""Light that arrives from the rest of the wall, over the light of the lamps at the same distance."""
-EXPOSED = 0.55
-"""What the exposure brings the upper quartile of a frame to, before the tone curve."""
-GAMMA = 2.2
-SHININESS = 260.0
 GRAIN, FILM = 1.7, 0.45
 """Sizes in mm of the tissue's grain and of the ripples of the wet film."""
 THICK, THIN = 14.0, 6.0
 """Distances in mm over which vessels and capillaries wind."""
+MUCUS: Colour = (0.75, 0.66, 0.42)
+"""Reflectance of mucus where it covers what lies below."""
+REFERENCE = 20.0
+"""Distance in mm at which scattered light is given over the lamps'."""
 
-Colour = tuple[float, float, float]
 Vectors = Float32[np.ndarray, "n 3"]
+Scalars = Float32[np.ndarray, " n"]
 Attributes = Float32[np.ndarray, "n 8"]
 """Signed distances in mm to two vessels and two capillaries, patches, tone, density of vessels, relief."""
 
 
 @dataclass(frozen=True)
-class Palette:
-    """One of the four textures of a segment; colours as linear reflectances."""
+class Hits:
+    """Where the rays of a frame meet the wall, in camera axes and mm, and what is known of the wall there."""
 
-    mucosa: Colour
-    patches: Colour
-    vessels: Colour
-    vessel_strength: float
-    patchiness: float
-    gloss: float
-    roughness: float
+    points: Vectors
+    normals: Vectors
+    world: Vectors
+    facing: Vectors
+    """Normals where the textures live, unturned and not unit."""
+    attributes: Attributes
+    vertex: np.ndarray
+    """Index of a vertex beside each point."""
+    triangle: np.ndarray
+    """Index of the triangle; -1 where a ray meets none."""
+    turn: Float32[np.ndarray, "3 3"]
+    """From camera axes to the world's."""
 
 
-PALETTES = {
-    "1": Palette((0.52, 0.28, 0.22), (0.48, 0.20, 0.14), (0.34, 0.10, 0.09), 0.50, 0.5, 2.0, 0.10),
-    "2": Palette((0.72, 0.28, 0.21), (0.76, 0.44, 0.33), (0.45, 0.06, 0.05), 0.75, 0.7, 3.0, 0.13),
-    "3": Palette((0.74, 0.22, 0.16), (0.58, 0.08, 0.06), (0.42, 0.03, 0.03), 0.55, 0.9, 4.5, 0.15),
-    "4": Palette((0.72, 0.30, 0.20), (0.68, 0.18, 0.12), (0.42, 0.08, 0.06), 0.85, 0.7, 2.5, 0.12),
-}
+@dataclass(frozen=True)
+class Radiance:
+    """Linear light that reaches the lens, in parts: what the wall scatters, and what its film mirrors."""
+
+    albedo: Vectors
+    diffuse: Scalars
+    scattered: Scalars
+    mirrored: Scalars
 
 
 class Mucosa:
@@ -53,84 +58,109 @@ class Mucosa:
 
     Args:
         colon: the wall.
-        palette: its texture.
+        tissue: its texture.
         random: what makes this surface differ from others of the texture.
     """
 
-    def __init__(self, colon: Colon, palette: Palette, random: np.random.Generator) -> None:
-        self.palette = palette
+    def __init__(self, colon: Colon, tissue: Tissue, random: np.random.Generator) -> None:
+        self.tissue = tissue
         warp = value_noise(colon.vertices, 7.0, random_lattice(random, 3))
         slow = value_noise(colon.vertices + 3 * warp, 16.0, random_lattice(random, 3))
         quick = value_noise(colon.vertices + 1.5 * warp, 5.0, random_lattice(random, 1))
         vessels = _winding_lines(colon, THICK, random), _winding_lines(colon, THIN, random)
         columns = [*vessels, slow[:, :1] + 0.6 * quick, slow[:, 1:], colon.relief[:, None]]
         self.attributes: Float32[np.ndarray, "v 8"] = np.concatenate(columns, axis=1)
-        self._grain, self._film = random_lattice(random, 3), random_lattice(random, 3)
+        self._grain, self._film = FineTexture(GRAIN, 3, random), FineTexture(FILM, 3, random)
+        self._bubbles = _bubbles(colon, tissue.bubbles, random)
+        self._bubble_at = _nearby(colon, self._bubbles)
 
-    def albedo(self, attributes: Attributes, grain: Vectors) -> Vectors:
-        """Linear reflectance where the wall has these attributes and this grain."""
-        look, (patches, tone, density, relief) = self.palette, attributes[:, 4:].T
-        patches = smoothstep(0.0, 0.8, patches + 0.15 * grain[:, 0])
-        colour = _mix(np.asarray(look.mucosa, np.float32), look.patches, look.patchiness * patches)
-        shade = 1 + 0.22 * tone + 0.05 * grain[:, 1] + 0.02 * np.clip(relief, -3, 6)
-        return _mix(
-            colour * shade[:, None], look.vessels, look.vessel_strength * _vessels(attributes, density)
-        )
-
-    def radiance(
-        self, points: Vectors, normals: Vectors, world: Vectors, attributes: Attributes, pixel: float
-    ) -> Vectors:
-        """Linear light that reaches the lens from points seen in camera axes.
+    def radiance(self, hits: Hits, light: Light, lit: Float32[np.ndarray, "n k"], pixel: float) -> Radiance:
+        """What a frame sees of the wall.
 
         Args:
-            points: in camera axes, mm.
-            normals: unit, in camera axes, facing the camera.
-            world: the same points where the textures live.
-            attributes: of the mesh, interpolated.
+            hits: the points that it sees.
+            light: lamps, and the light that comes back from the wall.
+            lit: how much of each of the k lamps reaches each point, 0 in its shadow.
             pixel: angle between neighbouring pixels in radians.
         """
-        grain = value_noise(world, GRAIN, self._grain)
-        film = value_noise(world + 0.4 * grain, FILM, self._film)
-        distance = np.linalg.norm(points, axis=-1)
+        look, shares = self.tissue, axis_shares(hits.facing)
+        grain, film = self._grain(hits.world, shares), self._film(hits.world + 0.3, shares)
+        distance = np.sqrt(_dot(hits.points, hits.points))
         visible = np.clip(FILM / (pixel * distance), 0.25, 1.0)[:, None]  # ripples under a pixel average out
-        tissue = _unit(normals + 0.5 * self.palette.roughness * grain)
-        wet = _unit(tissue + 1.6 * self.palette.roughness * visible * film)
-        diffuse, shine = _lit(points, tissue, wet, distance)
-        albedo = self.albedo(attributes, grain)
-        indirect = (SCATTER / distance**2)[:, None] * albedo * albedo
-        gloss = self.palette.gloss * smoothstep(-1.0, 0.8, attributes[:, 4] + 0.5 * grain[:, 2])
-        return albedo * diffuse[:, None] + indirect + (gloss * shine)[:, None]
+        tissue = _unit(hits.normals + 0.5 * look.roughness * grain)
+        wet = _unit(tissue + 1.6 * look.roughness * visible * film + self._domes(hits))
+        diffuse, shine = _lamplight(hits.points, tissue, wet, distance, light, lit, look)
+        scattered = light.scatter * REFERENCE ** (light.scatter_fall - 2) / distance**light.scatter_fall
+        gloss = look.gloss * smoothstep(-1.0, 0.8, hits.attributes[:, 4] + 0.5 * grain[:, 2])
+        return Radiance(
+            self._albedo(hits.attributes, grain), diffuse, scattered.astype(np.float32), gloss * shine
+        )
+
+    def _albedo(self, attributes: Attributes, grain: Vectors) -> Vectors:
+        """Linear reflectance where the wall has these attributes and this grain."""
+        look, (patches, tone, density, relief) = self.tissue, attributes[:, 4:].T
+        part = smoothstep(0.0, 0.8, patches + 0.15 * grain[:, 0])
+        colour = _mix(np.asarray(look.mucosa, np.float32), look.patches, look.patchiness * part)
+        shade = 1 + 0.22 * tone + 0.05 * grain[:, 1] + 0.02 * np.clip(relief, -3, 6)
+        bare = _mix(
+            colour * shade[:, None], look.vessels, look.vessel_strength * _vessels(attributes, density)
+        )
+        covered = smoothstep(0.6 - 0.9 * look.mucus, 1.4 - 0.6 * look.mucus, patches * tone - density)
+        return np.clip(_mix(bare, MUCUS, 0.6 * covered), 0.01, 1.0)
+
+    def _domes(self, hits: Hits) -> Vectors:
+        """How bubbles bend the wet surface: towards where a sphere around their middle faces."""
+        bend = np.zeros_like(hits.points)
+        bubble = self._bubble_at.take(hits.vertex)
+        near = np.flatnonzero(bubble >= 0)
+        if len(near):
+            sphere = self._bubbles[bubble[near]]
+            off = (hits.world[near] - sphere[:, :3]) / sphere[:, 3:]
+            bend[near] = 1.2 * (_dot(off, off) < 1)[:, None] * (off @ hits.turn)
+        return bend
 
 
-def develop(radiance: Vectors, off_axis: Float32[np.ndarray, " n"], random: np.random.Generator) -> Vectors:
-    """Display values in [0, 1]: vignette, exposure by the upper quartile, tone curve, gamma and noise.
-
-    Args:
-        radiance: linear light of the pixels of one frame.
-        off_axis: cosine of each pixel's angle to the optical axis.
-        random: source of the sensor's noise.
-    """
-    light = radiance * (0.35 + 0.65 * off_axis)[:, None]
-    exposure = np.float32(EXPOSED / max(float(np.quantile(light.mean(axis=-1), 0.75)), 1e-12))
-    shown = (1 - np.exp(-exposure * light)) ** np.float32(1 / GAMMA)
-    noise = random.standard_normal(shown.shape, dtype=np.float32)
-    return np.clip(0.02 + 0.98 * shown + 0.008 * noise, 0, 1)
-
-
-def _lit(
-    points: Vectors, tissue: Vectors, wet: Vectors, distance: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def _lamplight(
+    points: Vectors,
+    tissue: Vectors,
+    wet: Vectors,
+    distance: Scalars,
+    light: Light,
+    lit: Float32[np.ndarray, "n k"],
+    look: Tissue,
+) -> tuple[Scalars, Scalars]:
     """Light of the lamps on tissue, and mirrored by its film: inverse-square, weaker off their axis."""
     to_lens = -points / distance[:, None]
     diffuse, shine = np.zeros_like(distance), np.zeros_like(distance)
-    for lamp in LAMPS:
+    wrap, power = np.float32(look.softness), np.float32(look.shininess)
+    for lamp, share, reaches in zip(light.lamps, light.powers, lit.T, strict=True):
         to_lamp = np.asarray(lamp, np.float32) - points
         squared = _dot(to_lamp, to_lamp)
         to_lamp /= np.sqrt(squared)[:, None]
-        light = np.clip(-to_lamp[:, 2], 0.05, 1) / (squared * len(LAMPS))
-        diffuse += light * np.clip(_dot(tissue, to_lamp), 0, 1)
-        shine += light * np.clip(_dot(wet, _unit(to_lamp + to_lens)), 0, 1) ** np.float32(SHININESS)
+        arriving = share * reaches * np.clip(-to_lamp[:, 2], 0.05, 1) ** np.float32(light.beam) / squared
+        diffuse += arriving * np.clip((_dot(tissue, to_lamp) + wrap) / (1 + wrap), 0, 1)
+        shine += arriving * np.clip(_dot(wet, _unit(to_lamp + to_lens)), 0, 1) ** power
     return diffuse, shine
+
+
+def _bubbles(colon: Colon, clusters: int, random: np.random.Generator) -> Float32[np.ndarray, "b 4"]:
+    """Middles and radii in mm of bubbles that sit on the wall, a few beside each other."""
+    rows = []
+    for _ in range(clusters):
+        middle = colon.vertices[random.integers(len(colon.vertices))]
+        count = int(random.integers(3, 12))
+        spread = random.normal(0, 1.5, (count, 3))
+        rows.append(np.concatenate([middle + spread, random.uniform(0.3, 1.4, (count, 1))], axis=1))
+    return np.concatenate(rows).astype(np.float32) if rows else np.zeros((0, 4), np.float32)
+
+
+def _nearby(colon: Colon, bubbles: Float32[np.ndarray, "b 4"]) -> np.ndarray:
+    """Index of a bubble that may reach the points around each vertex; -1 where none does."""
+    found = np.full(len(colon.vertices), -1, np.int32)
+    for index, (*middle, radius) in enumerate(bubbles):
+        off = colon.vertices - np.asarray(middle, np.float32)
+        found[_dot(off, off) < (radius + 1.0) ** 2] = index
+    return found
 
 
 def _winding_lines(colon: Colon, cell: float, random: np.random.Generator) -> Float32[np.ndarray, "v 2"]:
@@ -144,7 +174,7 @@ def _winding_lines(colon: Colon, cell: float, random: np.random.Generator) -> Fl
     return field / np.maximum(np.linalg.norm(slope, axis=-1), 0.15 / cell)
 
 
-def _vessels(attributes: Attributes, density: np.ndarray) -> Float32[np.ndarray, " n"]:
+def _vessels(attributes: Attributes, density: np.ndarray) -> Scalars:
     """Strength of vessels in [0, 1]; they taper where their density falls."""
     width = 0.45 * smoothstep(-0.25, 0.55, density) + 1e-3
     fine = 0.22 * smoothstep(-0.1, 0.5, density) + 1e-3
@@ -157,7 +187,7 @@ def _mix(colour: np.ndarray, other: Colour, part: Float[np.ndarray, " n"]) -> np
     return colour + part[:, None] * (np.asarray(other, np.float32) - colour)
 
 
-def _dot(a: Vectors, b: Vectors) -> Float32[np.ndarray, " n"]:
+def _dot(a: Vectors, b: Vectors) -> Scalars:
     return np.einsum("ni,ni->n", a, b)
 
 

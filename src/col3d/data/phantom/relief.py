@@ -56,16 +56,19 @@ def fold_heights(folds: list[Fold], rows: np.ndarray, theta: np.ndarray) -> Floa
 def bumps(
     segment: Segment, rows: np.ndarray, theta: np.ndarray, radius: np.ndarray, random: np.random.Generator
 ) -> Float[np.ndarray, "n k"]:
-    """Polyps and swellings: domes with steep flanks."""
+    """Polyps and swellings: round domes, flat plateaus with steep rims, and lobed ones like a cauliflower."""
     total = np.zeros_like(radius)
     for _ in range(int(segment.length / 14)):
         at, towards = random.uniform(-0.4 * segment.radius, segment.length), random.uniform(0, 2 * np.pi)
         size = random.choice([random.uniform(1.5, 3.5), random.uniform(5.0, 9.0)])
         height = size * random.uniform(0.3, 0.75) if size < 4 else size * random.uniform(0.15, 0.4)
+        steepness, lobes, phase = random.choice([1.5, 1.5, 4.0]), random.choice([0.0, 0.0, 0.25]), random.uniform(0, 6)
         near = np.abs(rows - at) < 2.2 * size
         off = radius[near] * np.angle(np.exp(1j * (theta - towards)))
-        distance = ((rows[near, None] - at) ** 2 + off**2) / size**2
-        total[near] += height * np.exp(-(distance**1.5))
+        along = rows[near, None] - at
+        distance = (along**2 + off**2) / size**2
+        shape = 1 + lobes * np.sin(4 * along / size + phase) * np.sin(4 * off / size + phase)
+        total[near] += height * shape * np.exp(-(distance**steepness))
     return total
 
 
@@ -77,11 +80,23 @@ def swell(base: np.ndarray, random: np.random.Generator) -> Float[np.ndarray, "n
     return (1.3 * coarse + 0.18 * fine).astype(np.float64).reshape(base.shape[:2])
 
 
-def pouch(rows: np.ndarray, theta: np.ndarray, radius: float) -> Float[np.ndarray, "n k"]:
-    """The cecal pole: three ridges that meet at it and the dent of the appendix between two of them."""
+def wrinkles(
+    segment: Segment, rows: np.ndarray, theta: np.ndarray, random: np.random.Generator
+) -> Float[np.ndarray, "n k"]:
+    """Fine rings around the tube, uneven in distance, that come and go."""
+    spacing, phase = random.uniform(2.5, 6.0), random.uniform(0, 2 * np.pi, 4)
+    wave = 2 * np.pi * rows[:, None] / spacing + 2.5 * np.sin(rows / 11 + phase[0])[:, None]
+    wave = wave + 1.5 * np.sin(theta + phase[1])
+    strength = 0.5 + 0.5 * np.sin(rows / 19 + phase[2])[:, None] * np.sin(2 * theta + phase[3])
+    return segment.wrinkle * strength * np.sin(wave)
+
+
+def pouch(rows: np.ndarray, theta: np.ndarray, segment: Segment) -> Float[np.ndarray, "n k"]:
+    """The cecal pole: ridges that meet at it and the dent of the appendix between two of them."""
+    radius = segment.radius
     pole = -0.5 * np.pi * radius
     from_pole = (rows - pole)[:, None]
-    arms = np.cos(3 * theta) * 0.5 + 0.5
-    ridge = 3.2 * arms**6 * np.exp(-0.5 * ((from_pole - 0.55 * radius) / (0.3 * radius)) ** 2)
+    arms = np.cos(segment.lobes * theta) * 0.5 + 0.5
+    ridge = segment.arm * arms**segment.arm_sharpness * np.exp(-0.5 * ((from_pole - 0.55 * radius) / (0.3 * radius)) ** 2)
     dent = -4.0 * np.exp(-0.5 * (from_pole / 2.6) ** 2) + 1.6 * np.exp(-0.5 * ((from_pole - 6) / 2.2) ** 2)
     return ridge + dent

@@ -1,40 +1,41 @@
-"""From a colon and a pose to the files' pixels: cast the camera's rays, shade and encode."""
+"""From a colon and poses to the files' pixels: cast the camera's rays, shade, and encode every modality."""
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
+import torch
 from jaxtyping import Bool, Float32, Float64, UInt8, UInt16
 
 from col3d.data.octagon import octagon_mask
 from col3d.data.phantom.anatomy import Colon
-from col3d.data.phantom.appearance import Mucosa, develop
+from col3d.data.phantom.appearance import Hits, Mucosa
+from col3d.data.phantom.look import Look
+from col3d.data.phantom.sensor import develop, light_of
 from col3d.geometry import Camera
 
 MAX_DEPTH = 100.0
-"""Depth in mm of the highest code."""
+"""Depth in mm of the highest code, and how far from the lens a hidden surface counts."""
+MAX_FLOW = 20.0
+"""Motion in pixels of the highest code; what moves farther has none."""
 FULL_CODE = 65535
 GRAZING = 1e-3
 """Least cosine at which a stored normal faces its ray; interpolated ones may turn away at outlines."""
+SHADOW_GRID = 135
+"""Least height in pixels of the grid on which shadows are cast; they are soft, for lamps have a width."""
+OFF_WALL = 0.02
+"""Distance in mm from the wall at which further rays start or end."""
 
 
 @dataclass(frozen=True)
 class Frame:
-    """The encoded pixels of one frame."""
+    """The encoded pixels of one frame; the first frame of a video has no flow."""
 
     color: UInt8[np.ndarray, "h w 3"]
     depth: UInt16[np.ndarray, "h w"]
     normals: UInt16[np.ndarray, "h w 3"]
-
-
-@dataclass(frozen=True)
-class Hits:
-    """Where the rays of a frame meet the wall, in camera axes and mm."""
-
-    points: Float32[np.ndarray, "n 3"]
-    normals: Float32[np.ndarray, "n 3"]
-    world: Float32[np.ndarray, "n 3"]
-    attributes: Float32[np.ndarray, "n a"]
-    hit: Bool[np.ndarray, " n"]
+    occlusion: UInt8[np.ndarray, "h w"]
+    flow: UInt16[np.ndarray, "h w 3"] | None
 
 
 class Renderer:
@@ -43,80 +44,165 @@ class Renderer:
     Args:
         colon: the wall.
         mucosa: its surface.
+        look: lamps and sensor.
         camera: lens and size of the frames.
     """
 
-    def __init__(self, colon: Colon, mucosa: Mucosa, camera: Camera) -> None:
+    def __init__(self, colon: Colon, mucosa: Mucosa, look: Look, camera: Camera) -> None:
         from embreex.mesh_construction import TriangleMesh
         from embreex.rtcore_scene import EmbreeScene
 
-        self.colon, self.mucosa, self.size_hw = colon, mucosa, camera.size_hw
-        self.shown = octagon_mask(camera.size_hw)[0].numpy()
+        self.colon, self.mucosa, self.look, self.camera = colon, mucosa, look, camera
+        self.size_hw = camera.size_hw
+        self.shown: Bool[np.ndarray, "h w"] = octagon_mask(camera.size_hw)[0].numpy()
         rays = camera.rays().numpy()
+        self.off_axis: Float32[np.ndarray, "h w"] = rays[2]
         self.rays: Float32[np.ndarray, "n 3"] = np.ascontiguousarray(rays[:, self.shown].T)
         middle = rays[:, self.size_hw[0] // 2, self.size_hw[1] // 2 : self.size_hw[1] // 2 + 2]
         self.pixel = float(np.linalg.norm(middle[:, 1] - middle[:, 0]))
-        self.table = np.concatenate([colon.normals, mucosa.attributes], axis=1)
-        self.triangles = np.ascontiguousarray(colon.triangles.T, dtype=np.intp)
+        self.places = np.argwhere(self.shown)[:, ::-1].astype(np.float32)
+        table = np.concatenate([colon.normals, mucosa.attributes], axis=1)
+        self.corners: Float32[np.ndarray, "t 3 c"] = table[colon.triangles]
+        self.first = np.ascontiguousarray(colon.triangles[:, 0])
         self.scene = EmbreeScene(robust=True)
         TriangleMesh(self.scene, colon.vertices, colon.triangles)
 
-    def frame(self, pose: Float64[np.ndarray, "4 4"], random: np.random.Generator) -> Frame:
+    def frame(
+        self,
+        pose: Float64[np.ndarray, "4 4"],
+        previous: Float64[np.ndarray, "4 4"] | None,
+        random: np.random.Generator,
+    ) -> tuple[Frame, Hits]:
         """Render one frame.
 
         Args:
             pose: from camera axes to the world.
+            previous: that of the frame before.
             random: source of the sensor's noise.
+
+        Returns:
+            The frame, and the points that it sees.
         """
         hits = self.cast(pose)
-        radiance = self.mucosa.radiance(hits.points, hits.normals, hits.world, hits.attributes, self.pixel)
-        radiance[~hits.hit] = 0
-        color = develop(radiance, self.rays[:, 2], random)
+        seen = self.mucosa.radiance(hits, self.look.light, self._lit(hits, pose), self.pixel)
+        distance = np.sqrt(np.einsum("ni,ni->n", hits.points, hits.points))
+        light = light_of(seen, distance, self.shown, self.look, self.pixel)
+        hit = hits.triangle >= 0
         depth = np.clip(np.rint(hits.points[:, 2] * (FULL_CODE / MAX_DEPTH)), 1, FULL_CODE)
-        depth = np.where(hits.hit, depth, 0).astype(np.uint16)
-        normals = np.rint((hits.normals + 1) * (FULL_CODE / 2)) * hits.hit[:, None]
-        return Frame(
-            color=self._image(np.rint(color * 255).astype(np.uint8), self._border(random)),
-            depth=self._image(depth, np.zeros(self.size_hw, np.uint16)),
-            normals=self._image(normals.astype(np.uint16), np.zeros((*self.size_hw, 3), np.uint16)),
+        normals = np.rint((hits.normals + 1) * (FULL_CODE / 2)) * hit[:, None]
+        hidden = self.hides_another(hits, distance) & hit
+        frame = Frame(
+            color=develop(light, self.off_axis, self.shown, self.look.sensor, random),
+            depth=self._image(np.where(hit, depth, 0).astype(np.uint16)),
+            normals=self._image(normals.astype(np.uint16)),
+            occlusion=self._image(np.where(hidden, np.uint8(255), np.uint8(0))),
+            flow=None if previous is None else self._image(self._flow(hits, previous)),
         )
+        return frame, hits
 
     def cast(self, pose: Float64[np.ndarray, "4 4"]) -> Hits:
         """Meet the wall along every ray inside the octagon."""
         turn = pose[:3, :3].astype(np.float32)
-        world_rays = _turned(self.rays, turn)
-        origin = np.broadcast_to(pose[:3, 3].astype(np.float32), world_rays.shape)
-        found = self.scene.run(np.ascontiguousarray(origin), world_rays, output=True)
-        hit = found["primID"] >= 0
-        distance = np.where(hit, found["tfar"], np.float32(MAX_DEPTH))[:, None]
-        values = self._interpolated(np.where(hit, found["primID"], 0), found["u"], found["v"])
+        rays = _turned(self.rays, turn)
+        origin = np.broadcast_to(pose[:3, 3].astype(np.float32), rays.shape)
+        found = self.scene.run(np.ascontiguousarray(origin), rays, output=True)
+        triangle = found["primID"]
+        met = np.maximum(triangle, 0)
+        distance = np.where(triangle >= 0, found["tfar"], np.float32(MAX_DEPTH))[:, None]
+        u, v = found["u"], found["v"]
+        weights = np.stack([1 - u - v, u, v], axis=1)
+        values = np.einsum("nk,nkc->nc", weights, self.corners.take(met, axis=0))
+        facing = np.ascontiguousarray(values[:, :3])
         return Hits(
             points=self.rays * distance,
-            normals=facing(_turned(values[:, :3], turn.T), self.rays),
-            world=origin + world_rays * distance,
+            normals=facing_rays(_turned(facing, turn.T), self.rays),
+            world=origin + rays * distance,
+            facing=facing,
             attributes=values[:, 3:],
-            hit=hit,
+            vertex=self.first.take(met),
+            triangle=triangle,
+            turn=turn,
         )
 
-    def _interpolated(self, triangle: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """Normals and attributes at barycentric coordinates."""
-        first, second, third = self.triangles.take(triangle, axis=1)
-        return (
-            self.table.take(first, axis=0) * (1 - u - v)[:, None]
-            + self.table.take(second, axis=0) * u[:, None]
-            + self.table.take(third, axis=0) * v[:, None]
+    def hides_another(
+        self, hits: Hits, distance: Float32[np.ndarray, " n"]
+    ) -> Bool[np.ndarray, " n"]:
+        """Where the ray meets the wall once more behind the point it sees, within 100 mm of the lens."""
+        beyond = distance + OFF_WALL
+        rays = _turned(self.rays, hits.turn)
+        start = hits.world + OFF_WALL * rays
+        return self._blocked(start, rays, np.maximum(np.float32(MAX_DEPTH) - beyond, 0))
+
+    def _lit(self, hits: Hits, pose: Float64[np.ndarray, "4 4"]) -> Float32[np.ndarray, "n k"]:
+        """How much of each lamp reaches each point; cast on a coarse grid, for shadows of lamps are soft."""
+        step = max(self.size_hw[0] // SHADOW_GRID, 1)
+        grid = np.zeros_like(self.shown)
+        grid[::step, ::step] = self.shown[::step, ::step]
+        chosen = np.flatnonzero(grid[self.shown])
+        normals = _turned(hits.normals[chosen], hits.turn)
+        start = hits.world[chosen] + np.float32(5 * OFF_WALL) * normals
+        reached = []
+        for lamp in self.look.light.lamps:
+            place = (pose[:3, :3] @ np.asarray(lamp) + pose[:3, 3]).astype(np.float32)
+            way = place - start
+            length = np.sqrt(np.einsum("ni,ni->n", way, way))
+            dark = self._blocked(start, way / length[:, None], length)
+            reached.append(1 - np.float32(self.look.light.shadow) * self._spread(dark, chosen, grid, step))
+        return np.stack(reached, axis=1)
+
+    def _spread(
+        self, dark: Bool[np.ndarray, " k"], chosen: np.ndarray, grid: Bool[np.ndarray, "h w"], step: int
+    ) -> Float32[np.ndarray, " n"]:
+        """Values of the coarse grid at all pixels, softened over a cell of it."""
+        del chosen
+        coarse, known = np.zeros(self.size_hw, np.float32), grid.astype(np.float32)
+        coarse[grid] = dark
+        small = (coarse[::step, ::step], known[::step, ::step])
+        soft, weight = (cv2.blur(part, (3, 3)) for part in small)
+        soft = soft / np.maximum(weight, 1e-3)
+        wide = cv2.resize(soft, self.size_hw[::-1], interpolation=cv2.INTER_LINEAR)
+        return wide[self.shown]
+
+    def _flow(self, hits: Hits, previous: Float64[np.ndarray, "4 4"]) -> UInt16[np.ndarray, "n 3"]:
+        """Codes of the motion from this frame to the one before; 0 where the point was not seen in it."""
+        turn, place = previous[:3, :3].astype(np.float32), previous[:3, 3].astype(np.float32)
+        points = _turned(hits.world - place, turn.T)
+        u, v = np.nan_to_num(self.camera.project(torch.from_numpy(points)).numpy(), nan=-1e6).T
+        motion = np.stack([u, v], axis=1) - self.places
+        height, width = self.size_hw
+        column, row = (np.clip(np.rint(at), 0, end).astype(int) for at, end in ((u, width - 1), (v, height - 1)))
+        inside = (np.abs(u - (width - 1) / 2) <= width / 2) & (np.abs(v - (height - 1) / 2) <= height / 2)
+        able = inside & self.shown[row, column] & (np.abs(motion) <= MAX_FLOW).all(axis=1)
+        able &= hits.triangle >= 0
+        chosen = np.flatnonzero(able)
+        way = hits.world[chosen] - place
+        length = np.sqrt(np.einsum("ni,ni->n", way, way))
+        way /= length[:, None]
+        hidden = self._blocked(np.broadcast_to(place, way.shape), way, length - 5 * OFF_WALL)
+        codes = np.zeros((len(motion), 3), np.uint16)
+        scaled = (motion[chosen] / MAX_FLOW + 1) * (FULL_CODE / 2)
+        codes[chosen, :2] = np.clip(np.rint(scaled), 1, FULL_CODE) * ~hidden[:, None]
+        return codes
+
+    def _blocked(
+        self, origin: np.ndarray, direction: np.ndarray, length: Float32[np.ndarray, " n"]
+    ) -> Bool[np.ndarray, " n"]:
+        """Whether anything lies on these ways."""
+        found = self.scene.run(
+            np.ascontiguousarray(origin, np.float32),
+            np.ascontiguousarray(direction, np.float32),
+            dists=np.ascontiguousarray(length, np.float32),
+            query="OCCLUDED",
         )
+        return np.asarray(found) >= 0
 
-    def _border(self, random: np.random.Generator) -> UInt8[np.ndarray, "h w 3"]:
-        """What surrounds the octagon: nearly black."""
-        return random.integers(0, 6, (*self.size_hw, 1), np.uint8).repeat(3, axis=2)
-
-    def _image(self, pixels: np.ndarray, background: np.ndarray) -> np.ndarray:
-        background[self.shown] = pixels
-        return background
+    def _image(self, pixels: np.ndarray) -> np.ndarray:
+        image = np.zeros((*self.size_hw, *pixels.shape[1:]), pixels.dtype)
+        image[self.shown] = pixels
+        return image
 
 
-def facing(
+def facing_rays(
     normals: Float32[np.ndarray, "n 3"], rays: Float32[np.ndarray, "n 3"]
 ) -> Float32[np.ndarray, "n 3"]:
     """Unit normals, turned by as little as makes each face its ray: n . ray <= -GRAZING."""

@@ -1,6 +1,8 @@
 """The families of shapes that the parts of the colon have."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 
 @dataclass(frozen=True)
@@ -9,8 +11,8 @@ class Segment:
 
     length: float
     radius: float
-    triangularity: float
-    """Part of the radius by which the cross-section is triangular."""
+    lobe: float
+    """Part of the radius by which the cross-section is lobed."""
     bend: float
     """Largest turn of the centreline off its mean direction."""
     bend_length: float
@@ -21,14 +23,44 @@ class Segment:
     fold_reach: float
     """Half of the angle that a semi-lunar fold covers."""
     pouch: bool = False
-    """Whether the blind end is the pouch of the cecum, with its three-armed fold and the orifice."""
+    """Whether the blind end is the pouch of the cecum, with its armed fold and the orifice."""
+    lobes: int = 3
+    """Corners of the cross-section and arms of the pouch's fold; the colon's three bands make three."""
+    swing: float = 0.07
+    """Part of the radius by which the calibre changes along the tube."""
+    wrinkle: float = 0.0
+    """Height in mm of the fine rings between folds."""
+    arm: float = 3.2
+    """Height in mm of the arms of the pouch's fold."""
+    arm_sharpness: int = 6
+    flatness: float = 0.75
+    """Length of the closed ends over their radius."""
+
+    def varied(self, random: np.random.Generator) -> "Segment":
+        """A relative, as patients and moulds differ: calibre, cross-section, bends, folds, rings and ends."""
+        return replace(
+            self,
+            length=self.length * random.uniform(0.8, 1.2),
+            radius=self.radius * float(np.exp(random.uniform(-0.3, 0.3))),
+            lobe=random.uniform(0.0, 0.16),
+            lobes=int(random.choice([2, 3, 3, 3, 4, 5])),
+            bend=self.bend * random.uniform(0.2, 1.4),
+            fold_spacing=self.fold_spacing * float(np.exp(random.uniform(-0.4, 0.7))),
+            fold_height=self.fold_height * random.uniform(0.25, 1.3),
+            fold_reach=random.uniform(1.3, 3.6),
+            swing=random.uniform(0.03, 0.22),
+            wrinkle=random.uniform(0.0, 0.5) * float(random.random() < 0.6),
+            arm=random.uniform(1.5, 7.0),
+            arm_sharpness=int(random.choice([2, 4, 6, 8])),
+            flatness=random.uniform(0.35, 1.1),
+        )
 
 
 SEGMENTS = {
     "cecum": Segment(
         length=150.0,
         radius=25.0,
-        triangularity=0.04,
+        lobe=0.04,
         bend=0.35,
         bend_length=220.0,
         fold_spacing=19.0,
@@ -39,7 +71,7 @@ SEGMENTS = {
     "transverse": Segment(
         length=230.0,
         radius=20.0,
-        triangularity=0.13,
+        lobe=0.13,
         bend=0.4,
         bend_length=260.0,
         fold_spacing=17.0,
@@ -49,7 +81,7 @@ SEGMENTS = {
     "descending": Segment(
         length=200.0,
         radius=14.0,
-        triangularity=0.05,
+        lobe=0.05,
         bend=0.55,
         bend_length=200.0,
         fold_spacing=15.0,
@@ -59,7 +91,7 @@ SEGMENTS = {
     "sigmoid": Segment(
         length=230.0,
         radius=15.5,
-        triangularity=0.06,
+        lobe=0.06,
         bend=1.15,
         bend_length=170.0,
         fold_spacing=16.0,

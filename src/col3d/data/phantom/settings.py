@@ -6,8 +6,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from col3d.checks import check_known
-from col3d.data.splits import video_table
+from col3d.data.splits import seeded_name, video_table
 from col3d.geometry import OmnidirectionalCamera
+
+PARTS = ("anatomy", "tissue", "light", "sensor")
+"""What can be drawn anew for every video: the wall and the way, its surface, the lamps, and what makes pixels."""
 
 
 @dataclass(frozen=True)
@@ -24,8 +27,10 @@ class PhantomSettings:
     """Frames along each trajectory; fewer frames make larger steps over the same way."""
     seed: int = 0
     """Changes every shape, path and texture."""
+    randomise: tuple[str, ...] = ()
+    """Parts that every video draws anew, where others keep those of its segment and texture; see `PARTS`."""
     videos: tuple[str, ...] = field(default_factory=lambda: tuple(video_table()))
-    """Names of C3VD's videos to render."""
+    """Names of C3VD's videos to render; one that ends in `_s` and a number is grown from that seed instead."""
 
     def __post_init__(self) -> None:
         if min(self.size_hw) < 16:
@@ -34,8 +39,10 @@ class PhantomSettings:
             raise ValueError(f"frames_per_video: expected at least 1, got {self.frames_per_video}")
         if self.seed < 0:
             raise ValueError(f"seed: expected 0 or more, got {self.seed}")
+        for part in self.randomise:
+            check_known("randomise", part, PARTS)
         for video in self.videos:
-            check_known("videos", video, video_table())
+            check_known("videos", seeded_name(video, 0)[0], video_table())
 
 
 def phantom_camera(settings: PhantomSettings) -> OmnidirectionalCamera:

@@ -13,29 +13,33 @@ SWAY = 0.55
 """Largest distance from the centreline over the radius, before the clearance is kept."""
 
 
-def camera_poses(colon: Colon, frames: int, random: np.random.Generator) -> Float64[np.ndarray, "n 4 4"]:
+def camera_poses(
+    colon: Colon, frames: int, random: np.random.Generator, free: bool = False
+) -> Float64[np.ndarray, "n 4 4"]:
     """Matrices from camera axes to the world along one withdrawal.
 
     Args:
         colon: where the way leads.
         frames: their number; the way's length is the same for all numbers.
         random: what makes this way differ from others through the same colon.
+        free: draw how far it leads, how wide it sways and how far it looks aside, up to close at the wall.
 
     Returns:
         [[R, t], [0, 1]] with p_world = R p + t in mm, facing the blind end apart from the pan.
     """
-    travel = random.uniform(40, 60)
-    last_start = 22.0 if colon.segment.pouch else colon.segment.length - travel - 20
+    travel = random.uniform(25, 75) if free else random.uniform(40, 60)
+    last_start = (45.0 if free else 22.0) if colon.segment.pouch else colon.segment.length - travel - 20
+    widths = (random.uniform(0.3, 1.4, 2), random.uniform(0.2, 1.4)) if free else (np.ones(2), 1.0)
     at = random.uniform(4.0 if colon.segment.pouch else 45.0, last_start) + travel * np.linspace(0, 1, frames)
     phase = random.uniform(0, 2 * np.pi, 5)
     pan = np.stack(
         [
-            random.uniform(0.3, 0.75) * np.sin(at / 9 + phase[0]),
-            random.uniform(0.2, 0.55) * np.sin(at / 7 + phase[1]),
+            widths[0][0] * random.uniform(0.3, 0.75) * np.sin(at / 9 + phase[0]),
+            widths[0][1] * random.uniform(0.2, 0.55) * np.sin(at / 7 + phase[1]),
         ]
     )
     roll = phase[2] + 0.4 * np.sin(at / 25 + phase[2])
-    sway = colon.segment.radius * SWAY * np.stack([np.sin(at / 13 + phase[3]), np.sin(at / 17 + phase[4])])
+    sway = widths[1] * colon.segment.radius * SWAY * np.stack([np.sin(at / 13 + phase[3]), np.sin(at / 17 + phase[4])])
     position = _clear_positions(colon, at, sway)
     target, tangent, _, up = colon.centreline.frames(at - AHEAD)
     target = target - np.clip(AHEAD - at, 0, None)[:, None] * tangent

@@ -3,27 +3,31 @@
 import hashlib
 import json
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
+from jaxtyping import Float64
 
 from col3d.checks import DataError
 from col3d.data.phantom.anatomy import build_colon
-from col3d.data.phantom.appearance import PALETTES, Mucosa
+from col3d.data.phantom.appearance import Mucosa
+from col3d.data.phantom.coverage import Coverage
+from col3d.data.phantom.look import LOOKS
 from col3d.data.phantom.render import Frame, Renderer
 from col3d.data.phantom.segments import SEGMENTS
 from col3d.data.phantom.settings import PhantomSettings, phantom_camera, random_stream
 from col3d.data.phantom.trajectory import camera_poses
 from col3d.data.processes import whole_folder
-from col3d.data.splits import video_table
+from col3d.data.splits import seeded_name, video_table
 
 MANIFEST = "phantom.json"
-VERSION = 1
+VERSION = 2
 """Raised whenever equal settings give other pixels or files than before."""
 UNCOMPRESSED = (cv2.IMWRITE_TIFF_COMPRESSION, 1)
+FAST = (cv2.IMWRITE_PNG_COMPRESSION, 1)
 
 
 def render_video(
@@ -45,20 +49,51 @@ def render_video(
 def _write_frames(
     folder: Path, video: str, settings: PhantomSettings, frame_done: Callable[[], None]
 ) -> None:
-    row, trajectory = video_table()[video], video.rsplit("_", 1)[1]
-    colon = build_colon(SEGMENTS[row.segment], random_stream(settings.seed, row.segment, trajectory))
-    mucosa = Mucosa(colon, PALETTES[row.texture], random_stream(settings.seed, video, "surface"))
-    renderer = Renderer(colon, mucosa, phantom_camera(settings))
-    poses = camera_poses(colon, settings.frames_per_video, random_stream(settings.seed, video, "way"))
-    for number, pose in enumerate(poses):
-        _write_frame(folder, number, renderer.frame(pose, random_stream(settings.seed, video, number)))
+    scene = scene_of(video, settings)
+    coverage, previous = Coverage(scene.renderer.colon), None
+    for number, pose in enumerate(scene.poses):
+        frame, hits = scene.renderer.frame(pose, previous, scene.random(number))
+        coverage.add(hits.triangle)
+        _write_frame(folder, number, frame)
         frame_done()
-    lines = poses.transpose(0, 2, 1).reshape(-1, 16)  # C3VD's p_world = [p, 1] @ M is the transpose
+        previous = pose
+    lines = scene.poses.transpose(0, 2, 1).reshape(-1, 16)  # C3VD's p_world = [p, 1] @ M is the transpose
     np.savetxt(folder / "pose.txt", lines, fmt="%.9g", delimiter=",")
+    coverage.write(folder / "coverage_mesh.obj")
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What the frames of a video are made from."""
+
+    renderer: Renderer
+    poses: Float64[np.ndarray, "n 4 4"]
+    random: Callable[[int], np.random.Generator]
+    """Source of the sensor's noise in a frame of this number."""
+
+
+def scene_of(video: str, settings: PhantomSettings) -> Scene:
+    """The colon of a video, its surface and the way through it."""
+    origin, seed = seeded_name(video, settings.seed)
+    row, trajectory = video_table()[origin], origin.rsplit("_", 1)[1]
+    family, look = SEGMENTS[row.segment], LOOKS[row.texture]
+    look = look.varied(settings.randomise, lambda part: random_stream(seed, origin, part))
+    shape, free = random_stream(seed, row.segment, trajectory), "anatomy" in settings.randomise
+    if free:
+        shape = random_stream(seed, origin, "anatomy")
+        family = family.varied(shape)
+    colon = build_colon(family, shape)
+    mucosa = Mucosa(colon, look.tissue, random_stream(seed, origin, "surface"))
+    poses = camera_poses(colon, settings.frames_per_video, random_stream(seed, origin, "way"), free)
+    renderer = Renderer(colon, mucosa, look, phantom_camera(settings))
+    return Scene(renderer, poses, lambda number: random_stream(seed, origin, number))
 
 
 def _write_frame(folder: Path, number: int, frame: Frame) -> None:
-    _write_image(folder / f"{number:04d}_color.png", frame.color[..., ::-1], ())
+    _write_image(folder / f"{number:04d}_color.png", frame.color[..., ::-1], FAST)
+    _write_image(folder / f"{number:04d}_occlusion.png", frame.occlusion, FAST)
+    if frame.flow is not None:
+        _write_image(folder / f"{number:04d}_flow.tiff", frame.flow[..., ::-1], UNCOMPRESSED)
     _write_image(folder / f"{number:04d}_depth.tiff", frame.depth, UNCOMPRESSED)
     _write_image(folder / f"{number:04d}_normals.tiff", frame.normals[..., ::-1], UNCOMPRESSED)
 
@@ -78,7 +113,7 @@ def _write_manifest(folder: Path, video: str, settings: PhantomSettings) -> None
 
 def recipe_of(settings: PhantomSettings) -> dict[str, Any]:
     """What decides the bytes of a video, by name."""
-    recipe = {"version": VERSION, **asdict(settings), "size_hw": list(settings.size_hw)}
+    recipe = json.loads(json.dumps({"version": VERSION, **asdict(settings)}))  # as it is read back
     del recipe["videos"]
     return recipe
 

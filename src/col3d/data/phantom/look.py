@@ -1,0 +1,161 @@
+"""What a video looks like: its tissue, its lamps and its sensor, as numbers that can be drawn anew."""
+
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+Colour = tuple[float, float, float]
+Place = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Tissue:
+    """The wall; colours as linear reflectances, lengths in mm."""
+
+    mucosa: Colour
+    patches: Colour
+    vessels: Colour
+    vessel_strength: float
+    patchiness: float
+    gloss: float
+    roughness: float
+    shininess: float = 260.0
+    softness: float = 0.15
+    """How far light under the surface reaches around edges: part of the cosine, and mm of blur."""
+    mucus: float = 0.15
+    """Share of the wall under a pale film."""
+    bubbles: int = 4
+
+
+@dataclass(frozen=True)
+class Light:
+    """The light guides beside the lens and the light that the wall throws back."""
+
+    lamps: tuple[Place, ...] = ((-3.2, 1.2, -0.5), (2.8, 1.6, -0.5))
+    """Places in camera axes, in mm."""
+    powers: tuple[float, ...] = (0.5, 0.5)
+    beam: float = 1.0
+    """Power of the cosine by which a lamp is weaker off its axis."""
+    scatter: float = 0.5
+    """Light from the rest of the wall over the light of the lamps, at 20 mm."""
+    scatter_fall: float = 2.0
+    """Power of the distance by which it falls."""
+    shadow: float = 0.8
+    """How dark it is where a fold hides one of the lamps."""
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """From light to pixels."""
+
+    exposure: float = 0.55
+    """What the metered part of a frame is brought to, before the tone curve."""
+    metered: float = 0.75
+    """Which quantile of a frame is metered."""
+    gamma: float = 2.2
+    shoulder: float = 1.0
+    """0 clips what is too bright, 1 bends the curve towards it."""
+    white: Colour = (1.0, 1.0, 1.0)
+    black: float = 0.02
+    vignette: float = 0.65
+    blur: float = 0.0
+    """Standard deviation in pixels of a frame of C3VD's size over eight."""
+    sharpening: float = 0.0
+    noise: float = 0.008
+    jpeg: int = 97
+
+
+@dataclass(frozen=True)
+class Look:
+    """All of it."""
+
+    tissue: Tissue
+    light: Light = Light()
+    sensor: Sensor = Sensor()
+
+    def varied(self, parts: Collection[str], random: Callable[[str], np.random.Generator]) -> "Look":
+        """Another video: these parts drawn around what C3VD's frames show, wide enough to hold them.
+
+        Args:
+            parts: of `tissue`, `light` and `sensor`.
+            random: gives each part a source of its own, so that none depends on which others are drawn.
+        """
+        return Look(
+            _varied_tissue(self.tissue, random("tissue")) if "tissue" in parts else self.tissue,
+            _varied_light(random("light")) if "light" in parts else self.light,
+            _varied_sensor(random("sensor")) if "sensor" in parts else self.sensor,
+        )
+
+
+LOOKS = {
+    "1": Look(Tissue((0.52, 0.28, 0.22), (0.48, 0.20, 0.14), (0.34, 0.10, 0.09), 0.50, 0.5, 2.0, 0.10)),
+    "2": Look(Tissue((0.72, 0.28, 0.21), (0.76, 0.44, 0.33), (0.45, 0.06, 0.05), 0.75, 0.7, 3.0, 0.13)),
+    "3": Look(Tissue((0.74, 0.22, 0.16), (0.58, 0.08, 0.06), (0.42, 0.03, 0.03), 0.55, 0.9, 4.5, 0.15)),
+    "4": Look(Tissue((0.72, 0.30, 0.20), (0.68, 0.18, 0.12), (0.42, 0.08, 0.06), 0.85, 0.7, 2.5, 0.12)),
+}
+"""The four textures of a segment."""
+
+
+def _varied_tissue(tissue: Tissue, random: np.random.Generator) -> Tissue:
+    mucosa = _varied_colour(tissue.mucosa, random)
+    return replace(
+        tissue,
+        mucosa=mucosa,
+        patches=_scaled(_varied_colour(tissue.patches, random), random.uniform(0.6, 1.3)),
+        vessels=_scaled(mucosa, random.uniform(0.3, 0.9), (1.0, 0.6, 0.6)),
+        vessel_strength=random.uniform(0.0, 0.9),
+        patchiness=random.uniform(0.0, 0.9),
+        gloss=float(np.exp(random.uniform(-1.5, 2.0))),
+        roughness=random.uniform(0.05, 0.22),
+        shininess=float(np.exp(random.uniform(4.5, 6.5))),
+        softness=random.uniform(0.0, 0.4),
+        mucus=random.uniform(0.0, 0.4),
+        bubbles=int(random.integers(0, 10)),
+    )
+
+
+def _varied_light(random: np.random.Generator) -> Light:
+    sides = random.uniform(1.8, 3.9, 2) * (-1, 1)
+    lamps = tuple((float(x), random.uniform(-1.6, 1.6), random.uniform(-1.5, 0.0)) for x in sides)
+    share = random.uniform(0.3, 0.7)
+    return Light(
+        lamps=lamps,
+        powers=(share, 1 - share),
+        beam=random.uniform(0.2, 1.6),
+        scatter=float(np.exp(random.uniform(-2.0, 0.8))),
+        scatter_fall=random.uniform(1.0, 2.2),
+        shadow=random.uniform(0.3, 1.0),
+    )
+
+
+def _varied_sensor(random: np.random.Generator) -> Sensor:
+    return Sensor(
+        exposure=float(np.exp(random.uniform(-1.6, 0.4))),
+        metered=random.uniform(0.5, 0.9),
+        gamma=random.uniform(1.7, 3.4),
+        shoulder=random.uniform(0.0, 1.0),
+        white=tuple(np.exp(random.uniform(-0.15, 0.15, 3)).tolist()),
+        black=random.uniform(0.0, 0.06),
+        vignette=random.uniform(0.2, 0.9),
+        blur=random.uniform(0.0, 0.7),
+        sharpening=random.uniform(0.0, 0.8) * float(random.random() < 0.7),
+        noise=float(np.exp(random.uniform(-6.5, -4.0))),
+        jpeg=int(random.integers(80, 99)),
+    )
+
+
+def _varied_colour(colour: Colour, random: np.random.Generator) -> Colour:
+    """Brighter or darker, greyer or fuller, each channel a little off."""
+    linear = np.asarray(colour) * np.exp(random.uniform(-0.2, 0.2, 3))
+    grey = linear.mean()
+    return _colour((grey + (linear - grey) * random.uniform(0.25, 1.4)) * random.uniform(0.7, 1.25))
+
+
+def _scaled(colour: Colour, factor: float, tint: Colour = (1.0, 1.0, 1.0)) -> Colour:
+    return _colour(np.asarray(colour) * factor * np.asarray(tint))
+
+
+def _colour(linear: np.ndarray) -> Colour:
+    red, green, blue = np.clip(linear, 0.02, 0.95).tolist()
+    return red, green, blue

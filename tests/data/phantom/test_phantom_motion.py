@@ -1,0 +1,170 @@
+"""Laws between the frames of a phantom: flow, occlusion, poses and coverage tell of one and the same wall."""
+
+from itertools import pairwise
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import torch
+
+from col3d.data.octagon import octagon_mask
+from col3d.data.phantom import PhantomSettings, phantom_camera, render_phantom
+from col3d.data.phantom.anatomy import AROUND
+from col3d.data.phantom.coverage import BLOCK
+from col3d.data.phantom.write import Scene, scene_of
+from col3d.fusion.coverage import read_coverage
+
+VIDEO, FRAMES = "sigmoid_t2_a", range(12)
+OFFSET = 1e-2
+"""Distance in mm behind a surface at which a second cast starts."""
+
+
+@pytest.fixture(scope="module")
+def slow(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Scene, PhantomSettings]:
+    """Few frames of a way that is short enough for motions of less than 20 pixels, some of them hidden."""
+    settings = PhantomSettings(size_hw=(135, 169), frames_per_video=len(FRAMES), videos=(VIDEO,))
+    root = tmp_path_factory.mktemp("slow") / "phantom"
+    render_phantom(root, settings, workers=1, progress=False)
+    return root / VIDEO, scene_of(VIDEO, settings), settings
+
+
+def pixels(path: Path) -> np.ndarray:
+    return cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+
+
+def flow_of(folder: Path, number: int) -> tuple[np.ndarray, np.ndarray]:
+    """Motion in pixels (h, w, 2), and where it is known."""
+    codes = pixels(folder / f"{number:04d}_flow.tiff")[..., ::-1]
+    assert codes.dtype == np.uint16
+    assert (codes[..., 2] == 0).all()
+    known = (codes[..., :2] > 0).all(axis=-1)
+    assert (known == codes.any(axis=-1)).all()
+    return codes[..., :2] / 65535.0 * 40 - 20, known
+
+
+def landing(scene: Scene, settings: PhantomSettings, number: int) -> tuple[np.ndarray, np.ndarray]:
+    """Where the points of a frame lie in the frame before: pixels (h, w, 2) and camera axes (h, w, 3), float64."""
+    camera, shown = phantom_camera(settings), octagon_mask(settings.size_hw)[0].numpy()
+    hits = scene.renderer.cast(scene.poses[number])
+    before = scene.poses[number - 1]
+    points = (hits.world.astype(np.float64) - before[:3, 3]) @ before[:3, :3]
+    places = camera.project(torch.from_numpy(points)).numpy()
+    grid, axes = (np.full((*shown.shape, size), np.nan) for size in (2, 3))
+    grid[shown], axes[shown] = places, points
+    return grid, axes
+
+
+@pytest.mark.parametrize("number", FRAMES[1:])
+def test_flow_moves_a_pixel_onto_the_same_point(
+    slow: tuple[Path, Scene, PhantomSettings], number: int
+) -> None:
+    folder, scene, settings = slow
+    flow, known = flow_of(folder, number)
+    assert known.mean() > 0.02
+    places, _ = landing(scene, settings, number)
+    rows, columns = np.indices(known.shape)
+    moved = np.stack([columns, rows], axis=-1) + flow
+    assert np.abs(moved - places)[known].max() < 0.1
+    height, width = known.shape
+    assert (moved[known] > -0.51).all()
+    assert (moved[known] < (width - 0.49, height - 0.49)).all()
+
+
+@pytest.mark.parametrize("number", FRAMES[1:])
+def test_flow_is_known_where_the_frame_before_sees_the_point_and_nowhere_else(
+    slow: tuple[Path, Scene, PhantomSettings], number: int
+) -> None:
+    folder, scene, settings = slow
+    _, known = flow_of(folder, number)
+    places, points = landing(scene, settings, number)
+    rows, columns = np.indices(known.shape)
+    motion = places - np.stack([columns, rows], axis=-1)
+    height, width = known.shape
+    with np.errstate(invalid="ignore"):
+        inside = (np.abs(motion) < 19.9).all(axis=-1) & (places > 1).all(axis=-1)
+        inside &= (places < (width - 2, height - 2)).all(axis=-1)
+        nearest = np.nan_to_num(np.rint(places)).astype(int)
+    corners = octagon_mask(settings.size_hw)[0].numpy()
+    inside[inside] = corners[nearest[inside][:, 1], nearest[inside][:, 0]]
+    aim = points[inside]
+    distance = np.linalg.norm(aim, axis=1)
+    before = scene.poses[number - 1]
+    way = (aim / distance[:, None]) @ before[:3, :3].T
+    start = np.broadcast_to(before[:3, 3], way.shape)
+    first = scene.renderer.scene.run(
+        np.ascontiguousarray(start, np.float32), np.ascontiguousarray(way, np.float32), output=True
+    )["tfar"]
+    clear, hidden = distance - first < 0.05, distance - first > 0.2
+    assert known[inside][clear].mean() > 0.999
+    assert not known[inside][hidden].any()
+    assert not known[~octagon_mask(settings.size_hw)[0].numpy()].any()
+
+
+def test_the_first_frame_has_no_flow(slow: tuple[Path, Scene, PhantomSettings]) -> None:
+    assert not (slow[0] / "0000_flow.tiff").exists()
+
+
+@pytest.mark.parametrize("number", FRAMES)
+def test_occlusion_agrees_with_a_second_cast(slow: tuple[Path, Scene, PhantomSettings], number: int) -> None:
+    folder, scene, settings = slow
+    shown = octagon_mask(settings.size_hw)[0].numpy()
+    said = pixels(folder / f"{number:04d}_occlusion.png")
+    assert set(np.unique(said)) <= {0, 255}
+    hits = scene.renderer.cast(scene.poses[number])
+    rays = (hits.world - scene.poses[number][:3, 3]).astype(np.float64)
+    distance = np.linalg.norm(rays, axis=1)
+    rays /= distance[:, None]
+    found = scene.renderer.scene.run(
+        (hits.world + OFFSET * rays).astype(np.float32), rays.astype(np.float32), output=True
+    )
+    behind = (found["primID"] >= 0) & (distance + OFFSET + found["tfar"] < 100)
+    assert (said[shown].astype(bool) == behind).mean() > 0.998
+    assert behind.any()
+    assert not said[~shown].any()
+
+
+def test_poses_reproject_the_depth(slow: tuple[Path, Scene, PhantomSettings]) -> None:
+    """Depth of one frame carried into the next lies on the wall that the next one's rays meet there."""
+    folder, scene, settings = slow
+    camera, shown = phantom_camera(settings), octagon_mask(settings.size_hw)[0].numpy()
+    rays = camera.rays().numpy()[:, shown].T
+    rows = np.loadtxt(folder / "pose.txt", delimiter=",").reshape(-1, 4, 4)
+    for first, second in pairwise(FRAMES):
+        depth = pixels(folder / f"{first:04d}_depth.tiff")[shown] / 65535.0 * 100
+        points = np.concatenate([rays / rays[:, 2:] * depth[:, None], np.ones((len(depth), 1))], axis=1)
+        seen = (points @ rows[first] @ np.linalg.inv(rows[second]))[:, :3]
+        distance = np.linalg.norm(seen, axis=1)
+        way = (seen / distance[:, None]) @ scene.poses[second][:3, :3].T
+        start = np.broadcast_to(scene.poses[second][:3, 3], way.shape)
+        met = scene.renderer.scene.run(
+            np.ascontiguousarray(start, np.float32), np.ascontiguousarray(way, np.float32), output=True
+        )["tfar"]
+        off = np.abs(distance - met)[(depth < 100) & (distance - met < 1)]  # others are hidden
+        assert len(off) > 0.3 * len(depth)
+        assert np.median(off) < 0.05
+
+
+def test_coverage_is_the_union_of_the_faces_that_were_hit(slow: tuple[Path, Scene, PhantomSettings]) -> None:
+    folder, scene, _ = slow
+    read = read_coverage(folder / "coverage_mesh.obj")
+    colon = scene.renderer.colon
+    hit = np.unique(np.concatenate([scene.renderer.cast(pose).triangle for pose in scene.poses]))
+    corner = colon.triangles[hit[hit >= 0]].min(axis=1)  # of two rings, the lower one
+    blocks = {(ring // BLOCK, place // BLOCK) for ring, place in zip(*np.divmod(corner, AROUND), strict=True)}
+    wrapped = {(ring, place) for ring, place in blocks if place == 0}  # the last column's corner wraps to 0
+    columns = AROUND // BLOCK
+    faces = (read.seen.triangles.min(axis=1)) // columns
+    assert read.told
+    assert abs(len(read.seen.triangles) / 2 - len(blocks)) <= len(wrapped)
+    assert set(faces.tolist()) <= {ring for ring, _ in blocks} | {ring for ring, _ in wrapped}
+    assert 0 < len(read.seen.triangles) < len(read.wall.triangles)
+
+
+def test_what_the_frames_see_lies_on_seen_faces(slow: tuple[Path, Scene, PhantomSettings]) -> None:
+    folder, scene, _ = slow
+    read = read_coverage(folder / "coverage_mesh.obj")
+    middles = read.seen.vertices[read.seen.triangles].mean(axis=1)
+    world = scene.renderer.cast(scene.poses[3]).world[::97]
+    nearest = np.array([np.linalg.norm(middles - point, axis=1).min() for point in world])
+    assert np.quantile(nearest, 0.99) < 3.0
