@@ -101,7 +101,7 @@ class Mucosa:
         look, (patches, tone, density, relief) = self.tissue, attributes[:, 4:].T
         part = smoothstep(0.0, 0.8, patches + 0.15 * grain[:, 0])
         colour = _mix(np.asarray(look.mucosa, np.float32), look.patches, look.patchiness * part)
-        shade = 1 + 0.22 * tone + 0.05 * grain[:, 1] + 0.02 * np.clip(relief, -3, 6)
+        shade = 1 + 0.22 * tone + look.grain * (grain[:, 1] + grain[:, 2]) + 0.02 * np.clip(relief, -3, 6)
         bare = _mix(
             colour * shade[:, None], look.vessels, look.vessel_strength * _vessels(attributes, density)
         )

@@ -23,6 +23,8 @@ class Tissue:
     shininess: float = 260.0
     softness: float = 0.15
     """How far light under the surface reaches around edges: part of the cosine, and mm of blur."""
+    grain: float = 0.05
+    """How much the tissue's grain changes its reflectance."""
     mucus: float = 0.15
     """Share of the wall under a pale film."""
     bubbles: int = 4
@@ -103,14 +105,15 @@ def _varied_tissue(tissue: Tissue, random: np.random.Generator) -> Tissue:
         tissue,
         mucosa=mucosa,
         patches=_scaled(_varied_colour(tissue.patches, random), random.uniform(0.6, 1.3)),
-        vessels=_scaled(mucosa, random.uniform(0.3, 0.9), (1.0, 0.6, 0.6)),
+        vessels=_scaled(mucosa, random.uniform(0.3, 0.9), (1.0, 0.7, 0.7)),
         vessel_strength=random.uniform(0.0, 0.9),
         patchiness=random.uniform(0.0, 0.9),
         gloss=float(np.exp(random.uniform(-1.5, 2.0))),
-        roughness=random.uniform(0.05, 0.22),
+        roughness=random.uniform(0.05, 0.3),
         shininess=float(np.exp(random.uniform(4.5, 6.5))),
         softness=random.uniform(0.0, 0.4),
-        mucus=random.uniform(0.0, 0.4),
+        grain=float(np.exp(random.uniform(-3.5, -1.5))),
+        mucus=random.uniform(0.0, 0.25),
         bubbles=int(random.integers(0, 10)),
     )
 
@@ -131,15 +134,15 @@ def _varied_light(random: np.random.Generator) -> Light:
 
 def _varied_sensor(random: np.random.Generator) -> Sensor:
     return Sensor(
-        exposure=float(np.exp(random.uniform(-1.6, 0.4))),
+        exposure=float(np.exp(random.uniform(-3.4, 0.2))),
         metered=random.uniform(0.5, 0.9),
         gamma=random.uniform(1.7, 3.4),
         shoulder=random.uniform(0.0, 1.0),
-        white=tuple(np.exp(random.uniform(-0.15, 0.15, 3)).tolist()),
+        white=tuple(np.exp(random.uniform(-0.08, 0.08, 3)).tolist()),
         black=random.uniform(0.0, 0.06),
         vignette=random.uniform(0.2, 0.9),
-        blur=random.uniform(0.0, 0.7),
-        sharpening=random.uniform(0.0, 0.8) * float(random.random() < 0.7),
+        blur=random.uniform(0.0, 0.35),
+        sharpening=random.uniform(0.0, 1.2) * float(random.random() < 0.7),
         noise=float(np.exp(random.uniform(-6.5, -4.0))),
         jpeg=int(random.integers(80, 99)),
     )
@@ -147,9 +150,9 @@ def _varied_sensor(random: np.random.Generator) -> Sensor:
 
 def _varied_colour(colour: Colour, random: np.random.Generator) -> Colour:
     """Brighter or darker, greyer or fuller, each channel a little off."""
-    linear = np.asarray(colour) * np.exp(random.uniform(-0.2, 0.2, 3))
+    linear = np.asarray(colour) * np.exp(random.uniform(-0.12, 0.12, 3))
     grey = linear.mean()
-    return _colour((grey + (linear - grey) * random.uniform(0.25, 1.4)) * random.uniform(0.7, 1.25))
+    return _colour((grey + (linear - grey) * random.uniform(0.5, 1.5)) * random.uniform(0.7, 1.25))
 
 
 def _scaled(colour: Colour, factor: float, tint: Colour = (1.0, 1.0, 1.0)) -> Colour:

@@ -43,7 +43,7 @@ class Segment:
             length=self.length * random.uniform(0.8, 1.2),
             radius=self.radius * float(np.exp(random.uniform(-0.3, 0.3))),
             lobe=random.uniform(0.0, 0.16),
-            lobes=int(random.choice([2, 3, 3, 3, 4, 5])),
+            lobes=int(random.choice([2, 3, 3, 3, 3, 4])),
             bend=self.bend * random.uniform(0.2, 1.4),
             fold_spacing=self.fold_spacing * float(np.exp(random.uniform(-0.4, 0.7))),
             fold_height=self.fold_height * random.uniform(0.25, 1.3),
