@@ -1,10 +1,10 @@
-"""Does the phantom look like the real thing, in numbers? Its frames beside those of a data set in C3VD's format.
+"""Does the phantom look like the real thing, in numbers? Its frames beside real ones in C3VD's format.
 
     python -m benchmarks.realism /path/to/C3VD cecum_t1_a --phantom data/phantom_135x169_24_0_randomised
 
-Draws, for every real frame a line and for the phantom's the band that holds nine tenths of them: how often each
-brightness occurs, how brightness falls with depth, how colourful and how burnt frames are, and the spectrum of
-their detail. `--sheet` writes real and phantom frames side by side as well; that picture holds the data set's
+Draws a line for every real frame, and for the phantom's the band that holds nine tenths of them: how often
+each brightness occurs, how brightness falls with depth, the colours, and the spectrum of detail. `--sheet`
+writes real and phantom frames side by side as well; that picture holds the data set's
 pixels, so keep it where its licence allows.
 """
 
@@ -125,7 +125,9 @@ def draw(real: Sequence[Look], phantom: Sequence[Look], path: Path) -> None:
 
 def main() -> None:
     """Measure, draw, and print what lies outside."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("root", type=Path, help="folder of the folders of real videos")
     parser.add_argument("videos", nargs="+")
     parser.add_argument("--phantom", type=Path, required=True, help="folder of a phantom of 135 x 169 pixels")
@@ -145,10 +147,12 @@ def main() -> None:
     here, here_images = looks(drawn, chosen)
     draw(there, here, given.out)
     for name, values in (("real", there), ("phantom", here)):
-        burnt = np.percentile([100 * one.burnt for one in values], [5, 50, 95])
-        print(f"{name}: {len(values)} frames, burnt out {burnt[0]:.2f} to {burnt[2]:.2f} %, median {burnt[1]:.2f} %")
+        low, middle, high = np.percentile([100 * one.burnt for one in values], [5, 50, 95])
+        print(f"{name}: {len(values)} frames, burnt out {low:.2f} to {high:.2f} %, median {middle:.2f} %")
     if given.sheet:
-        rows = [np.hstack(images[:6]) for images in (there_images, here_images, here_images[6:], here_images[12:])]
+        rows = [
+            np.hstack(images[:6]) for images in (there_images, here_images, here_images[6:], here_images[12:])
+        ]
         width = min(row.shape[1] for row in rows)
         sheet = np.vstack([row[:, :width] for row in rows])
         cv2.imwrite(str(given.sheet), cv2.cvtColor(sheet, cv2.COLOR_RGB2BGR))

@@ -2,9 +2,9 @@
 
     python -m benchmarks.transfer /path/to/C3VD cecum_t1_a --checkpoint runs/sim2real/checkpoints/best.ckpt
 
-Prints a table in Markdown: errors of each after one factor for each frame, the ratio of the medians, and as they
-are. The three baselines know nothing of the scene: a constant, light that falls with the square of the distance,
-and depth that falls with the distance from the middle of the image. They have no scale of their own.
+Prints a table in Markdown: errors of each after one factor for each frame, the ratio of the medians, and as
+they are. The three baselines know nothing of the scene: a constant, light that falls with the square of the
+distance, and depth that falls with the distance from the image's middle. They have no scale of their own.
 """
 
 import argparse
@@ -79,10 +79,14 @@ def network(path: Path) -> Guess:
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("root", type=Path, help="folder of the folders of videos, in C3VD's format")
     parser.add_argument("videos", nargs="+", help="names of videos, or frames of one such as cecum_t1_a:0-60")
-    parser.add_argument("--checkpoint", type=Path, action="append", default=[], help="of train.py; repeatable")
+    parser.add_argument(
+        "--checkpoint", type=Path, action="append", default=[], help="of train.py; repeatable"
+    )
     given = parser.parse_args()
     try:
         frames = Resized(C3VD(given.root, given.videos, normals="none"), SIZE)

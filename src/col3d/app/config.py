@@ -536,8 +536,12 @@ class ExportOptions(LearntOptions):
 
     @model_validator(mode="after")
     def _fits(self) -> "ExportOptions":
-        if not self.output.endswith((".onnx", ".pt2")):
-            raise ValueError(f"output: expected a name that ends in .onnx or .pt2, got {self.output!r}")
+        if not self.output.endswith((".onnx", ".pt2", ".ckpt")):
+            raise ValueError(
+                f"output: expected a name that ends in .onnx, .pt2 or .ckpt, got {self.output!r}"
+            )
+        if self.published is not None and self.output.endswith(".ckpt"):
+            raise ValueError(f"output: .ckpt is for checkpoints of train.py, got published={self.published}")
         return self
 
 

@@ -21,6 +21,7 @@ from col3d.app.program_file import ProgramFile, write_program
 from col3d.app.same_outputs import File, Likeness, compare
 from col3d.app.traced import LEAST_SIDE, traced
 from col3d.app.train import quiet
+from col3d.app.weights_file import write_weights
 from col3d.checks import UserError
 
 FORMATS: dict[str, tuple[Callable[..., None], Callable[[Path], File], str]] = {
@@ -28,6 +29,7 @@ FORMATS: dict[str, tuple[Callable[..., None], Callable[[Path], File], str]] = {
     ".pt2": (write_program, ProgramFile, "torch.export"),
 }
 """By the ending: what writes a file, what opens it, and what runs it."""
+WEIGHTS = ".ckpt"
 EXTRA = ("onnx", "onnxscript", "onnxruntime")
 
 
@@ -45,11 +47,21 @@ def export(given: Mapping[str, Any]) -> None:
     options = check_options(ExportOptions, given)
     path = Path(options.output)
     _check(path, options.overwrite)
+    if path.suffix == WEIGHTS:
+        _export_weights(options, path)
+        return
     subject = learnt(Path(options.checkpoint), options.published, options.max_depth, options.size)
     with _in_place(path) as partial:
         print(f"export: {subject.name} to {path}, which takes a while", flush=True)
         likeness = _write(subject, partial, path.suffix)
     _report(subject, path, likeness)
+
+
+def _export_weights(options: ExportOptions, path: Path) -> None:
+    with _in_place(path) as partial:
+        difference = write_weights(Path(options.checkpoint), partial)
+    print(f"wrote {path}, {path.stat().st_size / 1e6:.1f} MB: the network alone, to predict with")
+    print(f"largest difference of its depth from the checkpoint's: {difference:.1e} of it")
 
 
 def _check(path: Path, overwrite: bool) -> None:

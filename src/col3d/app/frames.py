@@ -51,7 +51,7 @@ def phantom_settings(
     """What is asked to be rendered: these videos, or all."""
     height, width = options.size
     asked = source.randomise
-    randomise = (PARTS if asked else ()) if isinstance(asked, bool) else tuple(asked)
+    randomise = tuple(part for part in PARTS if asked is True or (asked and part in asked))
     return PhantomSettings(
         size_hw=(height, width),
         frames_per_video=options.frames_per_video,

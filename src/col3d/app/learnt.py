@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,8 @@ MAX_DEPTH = 100.0
 """Millimetres that the published programs for C3VD are trained with."""
 SIZE = (320, 320)
 """Height and width that they see."""
+SHIPPED = "shipped"
+"""In place of a checkpoint's path: the small network that comes with the package."""
 SAME_LENS = 1e-3
 """Largest difference of two unit rays of one lens."""
 
@@ -154,6 +157,9 @@ def published_network(path: Path, source: str, max_depth: float | None = None) -
 
 def _read(path: Path) -> dict[str, Any]:
     try:
+        if str(path) == SHIPPED:
+            with as_file(files("col3d.weights") / "shipped.ckpt") as packaged:
+                return read_weights(packaged)
         return read_weights(path)
     except ValueError as error:
         raise UserError(str(error)) from None

@@ -49,7 +49,7 @@ def prepare(given: Mapping[str, Any]) -> None:
 
 
 def _videos_of(source: SourceOptions) -> list[str] | None:
-    """Those of a phantom's split where it names colons of their own seeds; None, which is all of C3VD's, else."""
+    """Those of the split where it names colons of seeds of their own; None, which is all of C3VD's, else."""
     parts = (source.split.train, source.split.val, source.split.test)
     named = sorted({selection_of_any_video(entry).video for part in parts for entry in part})
     return named if any(seeded_name(video, 0)[0] != video for video in named) else None

@@ -52,7 +52,7 @@ def compare(learnt: Learnt, file: File) -> Likeness:
     """
     differences = dict.fromkeys(learnt.network.tasks, 0.0)
     sizes = []
-    for image in (*_noise(), frame := _frame(learnt.size_hw)):
+    for image in (*_noise(), frame := phantom_frame(learnt.size_hw)):
         inputs = sample(learnt.network, image, next(iter(learnt.cameras), None))
         found = _differences(learnt, file, inputs)
         _refuse(found, learnt.max_depth, tuple(image.shape))
@@ -66,7 +66,7 @@ def _noise() -> list[Tensor]:
     return [torch.rand(batch, 3, height, width, generator=generator) for batch, height, width in NOISE]
 
 
-def _frame(size_hw: tuple[int, int]) -> Tensor:
+def phantom_frame(size_hw: tuple[int, int]) -> Tensor:
     """A frame of the phantom at this size, as networks see it."""
     settings = PhantomSettings(frames_per_video=1, videos=("cecum_t1_a",))
     with tempfile.TemporaryDirectory() as folder:

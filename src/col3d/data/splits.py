@@ -91,7 +91,7 @@ def seeded_name(video: str, seed: int) -> tuple[str, int]:
 
 
 def seeded_videos(first: int, last: int) -> list[str]:
-    """Names of a phantom's videos number `first` to `last`: all of C3VD's of seed 0, then of seed 1 and so on."""
+    """Names of a phantom's videos number `first` to `last`: all of C3VD's of seed 0, then of seed 1, ..."""
     names = list(video_table())
     return [f"{names[k % len(names)]}_s{k // len(names)}" for k in range(first, last + 1)]
 

@@ -41,13 +41,20 @@ def mask_of(settings: PhantomSettings, depth: torch.Tensor) -> torch.Tensor:
 
 
 def test_files_have_the_formats_of_the_current_release(video: Path, settings: PhantomSettings) -> None:
-    kinds = {"color.png": np.uint8, "depth.tiff": np.uint16, "normals.tiff": np.uint16}
-    names = {f"{n:04d}_{kind}" for n in FRAMES for kind in kinds} | {"pose.txt", "phantom.json"}
+    kinds = {
+        "color.png": np.uint8,
+        "depth.tiff": np.uint16,
+        "normals.tiff": np.uint16,
+        "flow.tiff": np.uint16,
+        "occlusion.png": np.uint8,
+    }
+    names = {f"{n:04d}_{kind}" for n in FRAMES for kind in kinds} - {"0000_flow.tiff"}
+    names |= {"pose.txt", "coverage_mesh.obj", "phantom.json"}
     assert {path.name for path in video.iterdir()} == names
     for kind, dtype in kinds.items():
         pixels = read(video / f"0003_{kind}")
         assert pixels.dtype == dtype
-        assert pixels.shape == (*settings.size_hw, 3)[: 2 if kind == "depth.tiff" else 3]
+        assert pixels.shape == (*settings.size_hw, 3)[: 2 if kind in ("depth.tiff", "occlusion.png") else 3]
 
 
 def test_tiffs_are_not_compressed(video: Path, settings: PhantomSettings) -> None:

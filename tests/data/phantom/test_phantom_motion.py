@@ -44,7 +44,7 @@ def flow_of(folder: Path, number: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def landing(scene: Scene, settings: PhantomSettings, number: int) -> tuple[np.ndarray, np.ndarray]:
-    """Where the points of a frame lie in the frame before: pixels (h, w, 2) and camera axes (h, w, 3), float64."""
+    """Where a frame's points lie in the frame before: pixels (h, w, 2) and camera axes (h, w, 3)."""
     camera, shown = phantom_camera(settings), octagon_mask(settings.size_hw)[0].numpy()
     hits = scene.renderer.cast(scene.poses[number])
     before = scene.poses[number - 1]

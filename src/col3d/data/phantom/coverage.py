@@ -32,7 +32,7 @@ class Coverage:
         self.seen[ring // BLOCK, column // BLOCK] = True
 
     def write(self, path: Path) -> None:
-        """Vertices in mm, then faces of four corners: under `usemtl 0` what was seen, under `usemtl 1` the rest."""
+        """Vertices in mm, then faces of four corners: `usemtl 0` those that were seen, `usemtl 1` others."""
         with path.open("w", encoding="utf-8") as file:
             file.writelines(f"{line}\n" for line in self._lines())
 

@@ -62,7 +62,11 @@ def bumps(
         at, towards = random.uniform(-0.4 * segment.radius, segment.length), random.uniform(0, 2 * np.pi)
         size = random.choice([random.uniform(1.5, 3.5), random.uniform(5.0, 9.0)])
         height = size * random.uniform(0.3, 0.75) if size < 4 else size * random.uniform(0.15, 0.4)
-        steepness, lobes, phase = random.choice([1.5, 1.5, 4.0]), random.choice([0.0, 0.0, 0.25]), random.uniform(0, 6)
+        steepness, lobes, phase = (
+            random.choice([1.5, 1.5, 4.0]),
+            random.choice([0.0, 0.0, 0.25]),
+            random.uniform(0, 6),
+        )
         near = np.abs(rows - at) < 2.2 * size
         off = radius[near] * np.angle(np.exp(1j * (theta - towards)))
         along = rows[near, None] - at
@@ -97,6 +101,10 @@ def pouch(rows: np.ndarray, theta: np.ndarray, segment: Segment) -> Float[np.nda
     pole = -0.5 * np.pi * radius
     from_pole = (rows - pole)[:, None]
     arms = np.cos(segment.lobes * theta) * 0.5 + 0.5
-    ridge = segment.arm * arms**segment.arm_sharpness * np.exp(-0.5 * ((from_pole - 0.55 * radius) / (0.3 * radius)) ** 2)
+    ridge = (
+        segment.arm
+        * arms**segment.arm_sharpness
+        * np.exp(-0.5 * ((from_pole - 0.55 * radius) / (0.3 * radius)) ** 2)
+    )
     dent = -4.0 * np.exp(-0.5 * (from_pole / 2.6) ** 2) + 1.6 * np.exp(-0.5 * ((from_pole - 6) / 2.2) ** 2)
     return ridge + dent

@@ -124,9 +124,7 @@ class Renderer:
             turn=turn,
         )
 
-    def hides_another(
-        self, hits: Hits, distance: Float32[np.ndarray, " n"]
-    ) -> Bool[np.ndarray, " n"]:
+    def hides_another(self, hits: Hits, distance: Float32[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
         """Where the ray meets the wall once more behind the point it sees, within 100 mm of the lens."""
         beyond = distance + OFF_WALL
         rays = _turned(self.rays, hits.turn)
@@ -147,14 +145,13 @@ class Renderer:
             way = place - start
             length = np.sqrt(np.einsum("ni,ni->n", way, way))
             dark = self._blocked(start, way / length[:, None], length)
-            reached.append(1 - np.float32(self.look.light.shadow) * self._spread(dark, chosen, grid, step))
+            reached.append(1 - np.float32(self.look.light.shadow) * self._spread(dark, grid, step))
         return np.stack(reached, axis=1)
 
     def _spread(
-        self, dark: Bool[np.ndarray, " k"], chosen: np.ndarray, grid: Bool[np.ndarray, "h w"], step: int
+        self, dark: Bool[np.ndarray, " k"], grid: Bool[np.ndarray, "h w"], step: int
     ) -> Float32[np.ndarray, " n"]:
         """Values of the coarse grid at all pixels, softened over a cell of it."""
-        del chosen
         coarse, known = np.zeros(self.size_hw, np.float32), grid.astype(np.float32)
         coarse[grid] = dark
         small = (coarse[::step, ::step], known[::step, ::step])
@@ -170,7 +167,9 @@ class Renderer:
         u, v = np.nan_to_num(self.camera.project(torch.from_numpy(points)).numpy(), nan=-1e6).T
         motion = np.stack([u, v], axis=1) - self.places
         height, width = self.size_hw
-        column, row = (np.clip(np.rint(at), 0, end).astype(int) for at, end in ((u, width - 1), (v, height - 1)))
+        column, row = (
+            np.clip(np.rint(at), 0, end).astype(int) for at, end in ((u, width - 1), (v, height - 1))
+        )
         inside = (np.abs(u - (width - 1) / 2) <= width / 2) & (np.abs(v - (height - 1) / 2) <= height / 2)
         able = inside & self.shown[row, column] & (np.abs(motion) <= MAX_FLOW).all(axis=1)
         able &= hits.triangle >= 0

@@ -42,7 +42,7 @@ def light_of(
     if sigma > 0.3:
         weight = np.maximum(cv2.GaussianBlur(shown.astype(np.float32), (0, 0), sigma), 1e-3)
         wandering = cv2.GaussianBlur(diffuse, (0, 0), sigma) / weight
-    part = np.clip(NEAR / distance, 0, 1)[:, None] * np.float32(SPREAD)
+    part = np.clip(NEAR / distance, 0, 1)[:, None] * np.asarray(SPREAD, np.float32)
     even, soft = seen.diffuse[:, None], wandering[shown][:, None]
     reached = even + part * (soft - even)
     wall = seen.albedo * (reached + seen.scattered[:, None] * seen.albedo)
@@ -50,7 +50,11 @@ def light_of(
 
 
 def develop(
-    light: Picture, off_axis: Float32[np.ndarray, "h w"], shown: Shown, sensor: Sensor, random: np.random.Generator
+    light: Picture,
+    off_axis: Float32[np.ndarray, "h w"],
+    shown: Shown,
+    sensor: Sensor,
+    random: np.random.Generator,
 ) -> UInt8[np.ndarray, "h w 3"]:
     """Pixels of a frame: vignette, metered exposure, tone curve, gamma, blur, sharpening, noise, compression.
 
@@ -63,7 +67,8 @@ def develop(
     """
     light = light * (1 - sensor.vignette + sensor.vignette * off_axis)[..., None]
     metered = np.quantile(light[shown].mean(axis=-1), sensor.metered)
-    light *= np.float32(sensor.exposure / max(float(metered), 1e-12)) * np.float32(sensor.white)
+    gain = sensor.exposure / max(float(metered), 1e-12)
+    light *= gain * np.asarray(sensor.white, np.float32)
     bent = np.float32(sensor.shoulder) * (1 - np.exp(-light)) + np.float32(1 - sensor.shoulder) * light
     values = np.clip(bent, 0, 1) ** np.float32(1 / sensor.gamma)
     values = np.float32(sensor.black) + np.float32(1 - sensor.black) * values
@@ -83,16 +88,19 @@ def _mark(pixels: UInt8[np.ndarray, "h w 3"]) -> None:
     """The small frame that the processor draws into the corner."""
     height, width = pixels.shape[:2]
     x, y, wide, high = ICON
-    corner = np.array([(x - wide / 2) * width, (y - high / 2) * height])
-    other = corner + [wide * width, high * height]
-    thick = max(1, round(0.003 * width))
-    cv2.rectangle(pixels, corner.round().astype(int), other.round().astype(int), (235, 235, 235), thick)
+    left, right = (round((x + side * wide / 2) * width) for side in (-1, 1))
+    top, bottom = (round((y + side * high / 2) * height) for side in (-1, 1))
+    cv2.rectangle(pixels, (left, top), (right, bottom), (235, 235, 235), max(1, round(0.003 * width)))
 
 
 def _compressed(pixels: UInt8[np.ndarray, "h w 3"], quality: int) -> UInt8[np.ndarray, "h w 3"]:
-    coded, stream = cv2.imencode(".jpg", cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR), (cv2.IMWRITE_JPEG_QUALITY, quality))
+    coded, stream = cv2.imencode(
+        ".jpg", cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR), (cv2.IMWRITE_JPEG_QUALITY, quality)
+    )
+    read = cv2.imdecode(stream, cv2.IMREAD_COLOR)
     assert coded
-    return cv2.cvtColor(cv2.imdecode(stream, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
+    assert read is not None
+    return cv2.cvtColor(read, cv2.COLOR_BGR2RGB).astype(np.uint8, copy=False)
 
 
 def _on_grid(values: np.ndarray, shown: Shown) -> np.ndarray:

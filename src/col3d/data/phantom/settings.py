@@ -10,7 +10,7 @@ from col3d.data.splits import seeded_name, video_table
 from col3d.geometry import OmnidirectionalCamera
 
 PARTS = ("anatomy", "tissue", "light", "sensor")
-"""What can be drawn anew for every video: the wall and the way, its surface, the lamps, and what makes pixels."""
+"""What every video can draw anew: the wall and the way, its surface, the lamps, and what makes pixels."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class PhantomSettings:
     seed: int = 0
     """Changes every shape, path and texture."""
     randomise: tuple[str, ...] = ()
-    """Parts that every video draws anew, where others keep those of its segment and texture; see `PARTS`."""
+    """Parts that every video draws anew; others are of its segment and texture. See `PARTS`."""
     videos: tuple[str, ...] = field(default_factory=lambda: tuple(video_table()))
     """Names of C3VD's videos to render; one that ends in `_s` and a number is grown from that seed instead."""
 

@@ -39,7 +39,12 @@ def camera_poses(
         ]
     )
     roll = phase[2] + 0.4 * np.sin(at / 25 + phase[2])
-    sway = widths[1] * colon.segment.radius * SWAY * np.stack([np.sin(at / 13 + phase[3]), np.sin(at / 17 + phase[4])])
+    sway = (
+        widths[1]
+        * colon.segment.radius
+        * SWAY
+        * np.stack([np.sin(at / 13 + phase[3]), np.sin(at / 17 + phase[4])])
+    )
     position = _clear_positions(colon, at, sway)
     target, tangent, _, up = colon.centreline.frames(at - AHEAD)
     target = target - np.clip(AHEAD - at, 0, None)[:, None] * tangent

@@ -1,0 +1,5 @@
+"""The network that comes with col3d: what `checkpoint=shipped` means.
+
+`shipped.ckpt` has seen rendered colons alone, no frame of a patient and none of C3VD. `docs/sim2real.md` has
+the command and seed that made it, its errors on real frames, and what it is good for and what not.
+"""
