@@ -30,7 +30,7 @@ class PhantomSettings:
     randomise: tuple[str, ...] = ()
     """Parts that every video draws anew; others are of its segment and texture. See `PARTS`."""
     videos: tuple[str, ...] = field(default_factory=lambda: tuple(video_table()))
-    """Names of C3VD's videos to render; one that ends in `_s` and a number is grown from that seed instead."""
+    """Names of C3VD's videos to render; one that ends in `_s` and a number is grown from that seed."""
 
     def __post_init__(self) -> None:
         if min(self.size_hw) < 16:
