@@ -14,7 +14,6 @@ FOLDS = [(kind, value) for kind, of_video in (("segment", 0), ("texture", 1)) fo
          dict.fromkeys(describe(video)[of_video] for video in video_table())]  # fmt: skip
 
 
-
 def test_rendered_videos_of_other_seeds_share_nothing() -> None:
     rows = shared_with_training(["cecum_t1_a_s0", "cecum_t1_b_s3"], ["cecum_t1_a_s1", "cecum_t1_a_s3"])
     assert [row.worst for row in rows] == ["nothing", "phantom and texture"]

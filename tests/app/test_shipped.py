@@ -1,0 +1,89 @@
+"""The network that comes with the package: what it weighs, tells and is worth; and files of weights alone."""
+
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from test_launch import call
+from tiny_run import composed, real_frames
+
+from col3d.app.export import export
+from col3d.app.learnt import SHIPPED, learnt
+from col3d.checks import UserError
+from col3d.data.c3vd import C3VD
+from col3d.data.phantom import PARTS, PhantomSettings, phantom_camera, render_phantom
+from col3d.data.sized import Resized
+from col3d.metrics.protocol import Protocol
+
+LARGEST = 3_000_000
+"""Bytes."""
+SIZE = (128, 160)
+
+
+def scores(frames: Resized, scaling: str) -> dict[str, float]:
+    """Means over frames."""
+    network = learnt(Path(SHIPPED)).network
+    found = []
+    for index in range(len(frames)):
+        batch = {key: value[None] for key, value in frames[index].items() if isinstance(value, torch.Tensor)}
+        with torch.inference_mode():
+            prediction = network(batch["image"], None)
+        found.append(Protocol(scaling=scaling).score(prediction, batch))  # type: ignore[arg-type]
+    return {name: float(torch.stack([row[name] for row in found]).mean()) for name in ("abs_rel", "delta1")}
+
+
+def test_it_is_small_and_of_no_machine() -> None:
+    content = files("col3d.weights").joinpath("shipped.ckpt").read_bytes()
+    assert len(content) <= LARGEST
+    for word in (b"/work/", b"/home/", b"/root/", b"/tmp/"):
+        assert word not in content
+
+
+def test_it_knows_the_lens_and_says_what_it_was_trained_on() -> None:
+    shipped = learnt(Path(SHIPPED))
+    assert shipped.trained_on == ("phantom",)
+    assert shipped.knows(phantom_camera(PhantomSettings(SIZE)))
+
+
+def test_it_reads_colons_that_it_has_not_seen(tmp_path: Path) -> None:
+    videos = tuple(f"{video}_s90" for video in ("cecum_t1_a", "trans_t2_a", "desc_t4_a", "sigmoid_t3_a"))
+    settings = PhantomSettings((135, 169), 3, randomise=PARTS, videos=videos)
+    render_phantom(tmp_path / "phantom", settings, workers=1, progress=False)
+    camera = phantom_camera(settings)
+    found = scores(Resized(C3VD(tmp_path / "phantom", videos, normals="none", camera=camera), SIZE), "median")
+    assert found["abs_rel"] < 0.25
+
+
+def test_it_reads_real_frames_as_well_as_the_page_says() -> None:
+    frames = Resized(C3VD(real_frames("sample_current"), ["cecum_t1_a"], normals="none"), SIZE)
+    scaled, plain = scores(frames, "median"), scores(frames, "none")
+    assert scaled["abs_rel"] < 0.11
+    assert scaled["delta1"] > 0.88
+    assert plain["abs_rel"] < 0.2
+
+
+def test_predict_needs_no_checkpoint(phantom_root: Path, tmp_path: Path) -> None:
+    settings = PhantomSettings((135, 169), 2, videos=("cecum_t1_a",))
+    render_phantom(tmp_path / "phantom", settings, workers=1, progress=False)
+    image = tmp_path / "phantom" / "cecum_t1_a" / "0001_color.png"
+    answer = call("predict.py", f"input={image}", "output=found", "camera=c3vd", cwd=tmp_path)
+    assert (answer.returncode, answer.stderr) == (0, "")
+    assert list((tmp_path / "found").rglob("*depth*"))
+
+
+def test_a_network_alone_says_what_its_checkpoint_says(tiny_checkpoint: Path, tmp_path: Path) -> None:
+    path = tmp_path / "alone.ckpt"
+    export(composed("export", f"checkpoint={tiny_checkpoint}", f"output={path}"))
+    assert path.stat().st_size < 0.4 * tiny_checkpoint.stat().st_size
+    image = torch.from_numpy(np.random.default_rng(0).integers(0, 255, (1, 3, 64, 80), np.uint8))
+    whole, alone = learnt(tiny_checkpoint), learnt(path)
+    assert (alone.name, alone.size_hw, alone.trained_on) == (whole.name, whole.size_hw, whole.trained_on)
+    expected, found = whole.predict(image)["depth"], alone.predict(image)["depth"]
+    assert 0 < ((found - expected) / expected).abs().max() < 0.02
+
+
+def test_published_weights_are_not_written_as_ours(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"\.ckpt is for checkpoints of train\.py, got published=bts"):
+        export(composed("export", "checkpoint=x", "published=bts", f"output={tmp_path / 'a.ckpt'}"))
