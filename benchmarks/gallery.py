@@ -36,7 +36,7 @@ def frame_of(video: str, frames: int, number: int, parts: tuple[str, ...]) -> Fr
 def shown_flow(frame: Frame) -> np.ndarray:
     """Direction as hue, length as brightness, white where it is unknown."""
     assert frame.flow is not None
-    known = frame.flow.any(axis=-1)
+    known = np.asarray(frame.flow.any(axis=-1))
     motion = frame.flow[..., :2].astype(float) / FULL_CODE * 2 * MAX_FLOW - MAX_FLOW
     length, angle = cv2.cartToPolar(motion[..., 0], motion[..., 1], angleInDegrees=True)
     strength = 255 * np.clip(length / np.quantile(length[known], 0.98), 0, 1)
@@ -62,7 +62,7 @@ def main() -> None:
     }
     rows = 1 + len(DRAWN) // COLUMNS
     figure = plt.figure(figsize=(12, 1.7 * rows + 0.3), layout="constrained")
-    top, below = figure.subfigures(2, 1, height_ratios=(1.25, rows - 1))
+    top, below = np.asarray(figure.subfigures(2, 1, height_ratios=(1.25, rows - 1)), dtype=object)
     for ax, (name, image) in zip(top.subplots(1, len(panels)), panels.items(), strict=True):
         ax.imshow(image)
         ax.set_title(name, fontsize=10)

@@ -14,6 +14,7 @@ from col3d.app.compiled import compile_network
 from col3d.app.config import EvaluateOptions, ProtocolOptions, TrainerOptions
 from col3d.app.errors import check_options
 from col3d.app.frames import full_frames, sized_frames
+from col3d.app.learnt import located
 from col3d.app.results import Results, facts_of
 from col3d.app.subject import Subject, subject_of
 from col3d.app.train import check_accelerator, make_trainer, quiet
@@ -70,7 +71,7 @@ def _facts(
     subject: Subject, frames: SizedFrames, mirror: str | None, options: EvaluateOptions
 ) -> dict[str, Any]:
     """What predictions are of: others are made when any of it differs."""
-    file = Path(options.checkpoint).stat()
+    file = located(Path(options.checkpoint)).stat()
     data = subject.data
     return {
         "max_depth": subject.max_depth,

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ from jaxtyping import UInt8
 from torch import Tensor
 from torch.nn.functional import interpolate
 
+from col3d import weights
 from col3d.app import build
 from col3d.app.config import TrainOptions
 from col3d.app.errors import check_options
@@ -155,12 +155,14 @@ def published_network(path: Path, source: str, max_depth: float | None = None) -
         raise UserError(str(error).replace("state_dict:", f"checkpoint: {path}", 1)) from None
 
 
+def located(checkpoint: Path) -> Path:
+    """The file of a checkpoint: the path itself, but for the network that is shipped."""
+    return Path(weights.__file__).with_name("shipped.ckpt") if str(checkpoint) == SHIPPED else checkpoint
+
+
 def _read(path: Path) -> dict[str, Any]:
     try:
-        if str(path) == SHIPPED:
-            with as_file(files("col3d.weights") / "shipped.ckpt") as packaged:
-                return read_weights(packaged)
-        return read_weights(path)
+        return read_weights(located(path))
     except ValueError as error:
         raise UserError(str(error)) from None
 
