@@ -1,6 +1,5 @@
 """The table of transfer: nothing for the truth, and the medians' ratio for a constant."""
 
-
 import pytest
 import torch
 

@@ -1,6 +1,7 @@
 """How the wall looks from the lens: mucosa, vessels, mucus, bubbles and wet highlights under two lamps."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from jaxtyping import Float, Float32
@@ -40,7 +41,21 @@ class Hits:
     triangle: np.ndarray
     """Index of the triangle; -1 where a ray meets none."""
     turn: Float32[np.ndarray, "3 3"]
-    """From camera axes to the world's."""
+    """From camera axes to the world's; all points share it."""
+
+    def band(self, rows: slice) -> "Hits":
+        """Some of the points."""
+        return replace(self, **{name: getattr(self, name)[rows] for name in self._of_points()})
+
+    @classmethod
+    def joined(cls, bands: Sequence["Hits"]) -> "Hits":
+        """The points of several bands of one frame, in order."""
+        whole = {name: np.concatenate([getattr(b, name) for b in bands]) for name in cls._of_points()}
+        return replace(bands[0], **whole)
+
+    @classmethod
+    def _of_points(cls) -> list[str]:
+        return [field.name for field in fields(cls) if field.name != "turn"]
 
 
 @dataclass(frozen=True)
@@ -51,6 +66,11 @@ class Radiance:
     diffuse: Scalars
     scattered: Scalars
     mirrored: Scalars
+
+    @classmethod
+    def joined(cls, bands: Sequence["Radiance"]) -> "Radiance":
+        """That of several bands of one frame, in order."""
+        return cls(*(np.concatenate([getattr(b, field.name) for b in bands]) for field in fields(cls)))
 
 
 class Mucosa:

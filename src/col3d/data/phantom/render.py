@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float32, Float64, UInt8, UInt16
 
 from col3d.data.octagon import octagon_mask
 from col3d.data.phantom.anatomy import Colon
-from col3d.data.phantom.appearance import Hits, Mucosa
+from col3d.data.phantom.appearance import Hits, Mucosa, Radiance
 from col3d.data.phantom.look import Look
 from col3d.data.phantom.sensor import develop, light_of
 from col3d.geometry import Camera
@@ -23,6 +23,8 @@ GRAZING = 1e-3
 """Least cosine at which a stored normal faces its ray; interpolated ones may turn away at outlines."""
 SHADOW_GRID = 135
 """Least height in pixels of the grid on which shadows are cast; they are soft, for lamps have a width."""
+BAND = 16384
+"""Rays that are worked on at once, so that what belongs to them stays in the cache."""
 OFF_WALL = 0.02
 """Distance in mm from the wall at which further rays start or end."""
 
@@ -61,6 +63,7 @@ class Renderer:
         middle = rays[:, self.size_hw[0] // 2, self.size_hw[1] // 2 : self.size_hw[1] // 2 + 2]
         self.pixel = float(np.linalg.norm(middle[:, 1] - middle[:, 0]))
         self.places = np.argwhere(self.shown)[:, ::-1].astype(np.float32)
+        self.bands = [slice(start, start + BAND) for start in range(0, len(self.rays), BAND)]
         table = np.concatenate([colon.normals, mucosa.attributes], axis=1)
         self.corners: Float32[np.ndarray, "t 3 c"] = table[colon.triangles]
         self.first = np.ascontiguousarray(colon.triangles[:, 0])
@@ -84,7 +87,7 @@ class Renderer:
             The frame, and the points that it sees.
         """
         hits = self.cast(pose)
-        seen = self.mucosa.radiance(hits, self.look.light, self._lit(hits, pose), self.pixel)
+        seen = self._radiance(hits, pose)
         distance = np.sqrt(np.einsum("ni,ni->n", hits.points, hits.points))
         light = light_of(seen, distance, self.shown, self.look, self.pixel)
         hit = hits.triangle >= 0
@@ -102,8 +105,11 @@ class Renderer:
 
     def cast(self, pose: Float64[np.ndarray, "4 4"]) -> Hits:
         """Meet the wall along every ray inside the octagon."""
+        return Hits.joined([self._cast(pose, self.rays[band]) for band in self.bands])
+
+    def _cast(self, pose: Float64[np.ndarray, "4 4"], seen: Float32[np.ndarray, "n 3"]) -> Hits:
         turn = pose[:3, :3].astype(np.float32)
-        rays = _turned(self.rays, turn)
+        rays = _turned(seen, turn)
         origin = np.broadcast_to(pose[:3, 3].astype(np.float32), rays.shape)
         found = self.scene.run(np.ascontiguousarray(origin), rays, output=True)
         triangle = found["primID"]
@@ -114,14 +120,20 @@ class Renderer:
         values = np.einsum("nk,nkc->nc", weights, self.corners.take(met, axis=0))
         facing = np.ascontiguousarray(values[:, :3])
         return Hits(
-            points=self.rays * distance,
-            normals=facing_rays(_turned(facing, turn.T), self.rays),
+            points=seen * distance,
+            normals=facing_rays(_turned(facing, turn.T), seen),
             world=origin + rays * distance,
             facing=facing,
             attributes=values[:, 3:],
             vertex=self.first.take(met),
             triangle=triangle,
             turn=turn,
+        )
+
+    def _radiance(self, hits: Hits, pose: Float64[np.ndarray, "4 4"]) -> Radiance:
+        lit, light = self._lit(hits, pose), self.look.light
+        return Radiance.joined(
+            [self.mucosa.radiance(hits.band(b), light, lit[b], self.pixel) for b in self.bands]
         )
 
     def hides_another(self, hits: Hits, distance: Float32[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
@@ -162,10 +174,16 @@ class Renderer:
 
     def _flow(self, hits: Hits, previous: Float64[np.ndarray, "4 4"]) -> UInt16[np.ndarray, "n 3"]:
         """Codes of the motion from this frame to the one before; 0 where the point was not seen in it."""
+        bands = [self._flow_of(hits.band(b), self.places[b], previous) for b in self.bands]
+        return np.concatenate(bands)
+
+    def _flow_of(
+        self, hits: Hits, places: Float32[np.ndarray, "n 2"], previous: Float64[np.ndarray, "4 4"]
+    ) -> UInt16[np.ndarray, "n 3"]:
         turn, place = previous[:3, :3].astype(np.float32), previous[:3, 3].astype(np.float32)
         points = _turned(hits.world - place, turn.T)
         u, v = np.nan_to_num(self.camera.project(torch.from_numpy(points)).numpy(), nan=-1e6).T
-        motion = np.stack([u, v], axis=1) - self.places
+        motion = np.stack([u, v], axis=1) - places
         height, width = self.size_hw
         column, row = (
             np.clip(np.rint(at), 0, end).astype(int) for at, end in ((u, width - 1), (v, height - 1))
