@@ -70,7 +70,7 @@ def main() -> None:
     for ax, number in zip(below.subplots(rows - 1, COLUMNS).ravel(), DRAWN, strict=True):
         ax.imshow(frame_of(seeded_videos(number, number)[0], 4, 2, PARTS).color)
         ax.axis("off")
-    figure.savefig(given.out, dpi=80)
+    figure.savefig(given.out, dpi=75)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Does the phantom look like the real thing, in numbers? Its frames beside real ones in C3VD's format.
 
-    python -m benchmarks.realism /path/to/C3VD cecum_t1_a --phantom data/phantom_135x169_24_0_randomised
+    python -m benchmarks.realism /path/to/C3VD cecum_t1_a --phantom data/phantom_135x169_12_0_randomised
 
 Draws a line for every real frame, and for the phantom's the band that holds nine tenths of them: how often
 each brightness occurs, how brightness falls with depth, the colours, and the spectrum of detail. `--sheet`
@@ -136,8 +136,8 @@ def main() -> None:
     parser.add_argument("--sheet", type=Path, help="write frames side by side")
     given = parser.parse_args()
     settings = PhantomSettings(size_hw=(135, 169))
-    names = sorted(path.name for path in given.phantom.iterdir() if path.is_dir())
     try:
+        names = sorted(path.name for path in given.phantom.glob("[!.]*") if path.is_dir())
         real = Resized(C3VD(given.root, given.videos, normals="none"), SIZE)
         drawn = Resized(C3VD(given.phantom, names, normals="none", camera=phantom_camera(settings)), SIZE)
     except (DataError, OSError) as error:

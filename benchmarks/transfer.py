@@ -1,6 +1,6 @@
 """Networks on frames of a data set that they have not seen, beside what needs no network.
 
-    python -m benchmarks.transfer /path/to/C3VD cecum_t1_a --checkpoint runs/sim2real/checkpoints/best.ckpt
+    python -m benchmarks.transfer /path/to/C3VD cecum_t1_a --checkpoint shipped
 
 Prints a table in Markdown: errors of each after one factor for each frame, the ratio of the medians, and as
 they are. The three baselines know nothing of the scene: a constant, light that falls with the square of the
@@ -69,6 +69,8 @@ def scores(frames: Resized, guess: Guess, scaling: str) -> dict[str, float]:
 def network(path: Path) -> Guess:
     """That of a checkpoint; it sees the frames as it did in training."""
     known = learnt(path)
+    if known.size_hw != SIZE or known.network.needs_rays:
+        raise UserError(f"{path}: expected a network of images alone at {SIZE}, got one at {known.size_hw}")
 
     @torch.inference_mode()
     def guess(image: Float[Tensor, "1 3 h w"]) -> Float[Tensor, "1 1 h w"]:
@@ -85,7 +87,7 @@ def main() -> None:
     parser.add_argument("root", type=Path, help="folder of the folders of videos, in C3VD's format")
     parser.add_argument("videos", nargs="+", help="names of videos, or frames of one such as cecum_t1_a:0-60")
     parser.add_argument(
-        "--checkpoint", type=Path, action="append", default=[], help="of train.py; repeatable"
+        "--checkpoint", type=Path, action="append", default=[], help="of train.py, or shipped"
     )
     given = parser.parse_args()
     try:

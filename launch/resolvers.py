@@ -4,12 +4,14 @@ import hashlib
 import re
 from typing import Any
 
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig, ListConfig, OmegaConf
 
 from col3d.checks import UserError
 from launch.files import CONF, names_in
 
 LONGEST_NAME = 100
+DRAWABLE = 4
+"""Parts of a phantom that can be drawn anew."""
 
 
 def slug(overrides: str) -> str:
@@ -35,7 +37,7 @@ def size_of(preset: str | None, data: str) -> Any:
 
 
 def colons(first: int, last: int) -> list[str]:
-    """Names of a phantom's videos, each grown from a seed of its own."""
+    """Names of a phantom's videos number `first` to `last`, with their seeds."""
     from col3d.data.splits import seeded_videos
 
     return seeded_videos(first, last)
@@ -43,9 +45,12 @@ def colons(first: int, last: int) -> list[str]:
 
 def drawn(randomise: Any) -> str:
     """What a phantom's folder is called after, by what its videos draw anew."""
+    if not isinstance(randomise, bool | ListConfig):
+        raise UserError(f"data.randomise: expected true, false or a list of parts, got {randomise!r}")
     if isinstance(randomise, bool):
         return "_randomised" if randomise else ""
-    return "".join(f"_{part}" for part in sorted(randomise))
+    parts = sorted({str(part) for part in randomise})
+    return "_randomised" if len(parts) == DRAWABLE else "".join(f"_{part}" for part in parts)
 
 
 OmegaConf.register_new_resolver("colons", colons, replace=True)

@@ -23,7 +23,7 @@ def sweep_of(experiment: str, seeds: Sequence[int]) -> list[list[str]]:
     """
     files = {path.stem: OmegaConf.load(path) for path in (CONF / "experiment").glob("*.yaml")}
     sweeping = {
-        name: OmegaConf.select(content, SWEPT) for name, content in files.items() if "search" not in content
+        name: OmegaConf.select(content, SWEPT) for name, content in files.items() if set(content) == {"hydra"}
     }
     known = [name for name, params in sorted(sweeping.items()) if params]
     if experiment not in known:

@@ -215,3 +215,28 @@ def test_an_objective_is_one_that_the_model_measures() -> None:
     assert checked("objective=[val/abs_rel,val/angle_mean]").objective == ["val/abs_rel", "val/angle_mean"]
     with pytest.raises(UserError, match=r"val/angle_mean is not measured with model=bts; there are"):
         checked("model=bts", "objective=[val/angle_mean]")
+
+
+@pytest.mark.parametrize(
+    ("randomise", "ending"),
+    [
+        ("false", "_0"),
+        ("true", "_0_randomised"),
+        ("[sensor,light,tissue,anatomy]", "_0_randomised"),
+        ("[tissue,light]", "_0_light_tissue"),
+    ],
+)
+def test_a_phantom_is_called_after_what_it_draws(randomise: str, ending: str) -> None:
+    assert checked("data=phantom", f"data.randomise={randomise}").data.root.endswith(ending)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (("data.randomise=[colour]",), "expected 'anatomy', 'tissue', 'light' or 'sensor', got 'colour'"),
+        (("data=c3vd", "data.root=x", "+data.randomise=true"), r"data\.randomise: belongs to data=phantom"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused(overrides: tuple[str, ...], message: str) -> None:
+    with pytest.raises(UserError, match=message):
+        checked(*overrides)

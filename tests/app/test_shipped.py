@@ -87,3 +87,25 @@ def test_a_network_alone_says_what_its_checkpoint_says(tiny_checkpoint: Path, tm
 def test_published_weights_are_not_written_as_ours(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"\.ckpt is for checkpoints of train\.py, got published=bts"):
         export(composed("export", "checkpoint=x", "published=bts", f"output={tmp_path / 'a.ckpt'}"))
+
+
+def test_a_checkpoint_is_not_replaced_by_its_network(tiny_checkpoint: Path) -> None:
+    given = composed("export", f"checkpoint={tiny_checkpoint}", f"output={tiny_checkpoint}", "overwrite=true")
+    before = tiny_checkpoint.read_bytes()
+    with pytest.raises(UserError, match="is the checkpoint itself"):
+        export(given)
+    assert tiny_checkpoint.read_bytes() == before
+
+
+def test_what_is_shipped_is_not_of_others() -> None:
+    with pytest.raises(UserError, match="the file of the weights that published=monodepth_fpn names"):
+        learnt(Path(SHIPPED), published="monodepth_fpn")
+
+
+def test_it_is_evaluated_like_any_other(tmp_path: Path) -> None:
+    split = "data.split.test=[cecum_t1_a,trans_t1_a_s5]"
+    options = ("checkpoint=shipped", "data=phantom", "phantom=smoke", "data/split=custom", split, "panels=0")
+    answer = call("evaluate.py", *options, f"data.root={tmp_path / 'phantom'}", "workers=0", cwd=tmp_path)
+    assert answer.returncode == 0, answer.stderr
+    folder = tmp_path / "runs" / "shipped" / "evaluation_shipped_phantom_custom_test"
+    assert (folder / "summary.json").is_file()

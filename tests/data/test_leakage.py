@@ -17,6 +17,9 @@ FOLDS = [(kind, value) for kind, of_video in (("segment", 0), ("texture", 1)) fo
 def test_rendered_videos_of_other_seeds_share_nothing() -> None:
     rows = shared_with_training(["cecum_t1_a_s0", "cecum_t1_b_s3"], ["cecum_t1_a_s1", "cecum_t1_a_s3"])
     assert [row.worst for row in rows] == ["nothing", "phantom and texture"]
+    assert [row.worst for row in shared_with_training(["cecum_t1_a_s0"], ["cecum_t1_a"])] == [
+        "the video itself"
+    ]
 
 
 @pytest.mark.parametrize(("kind", "value"), FOLDS)

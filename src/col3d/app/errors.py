@@ -43,7 +43,7 @@ def _option(detail: ErrorDetails) -> str:
 
 def _is_union_branch(part: str) -> bool:
     """Pydantic names the branch of a union it tried inside the location."""
-    return part in ("int", "float", "str", "none") or "[" in part or part.startswith("constrained-")
+    return part in ("bool", "int", "float", "str", "none") or "[" in part or part.startswith("constrained-")
 
 
 def _line(options: type[BaseModel], option: str, details: list[ErrorDetails]) -> str:

@@ -14,7 +14,7 @@ from col3d.app.compiled import compile_network
 from col3d.app.config import EvaluateOptions, ProtocolOptions, TrainerOptions
 from col3d.app.errors import check_options
 from col3d.app.frames import full_frames, sized_frames
-from col3d.app.learnt import located
+from col3d.app.learnt import SHIPPED, located
 from col3d.app.results import Results, facts_of
 from col3d.app.subject import Subject, subject_of
 from col3d.app.train import check_accelerator, make_trainer, quiet
@@ -153,6 +153,8 @@ def _folder(options: EvaluateOptions, protocol: str) -> Path:
 
 def _run(options: EvaluateOptions) -> Path:
     """The folder of the run that the checkpoint belongs to."""
+    if options.checkpoint == SHIPPED:
+        return Path("runs") / SHIPPED
     folder = Path(options.checkpoint).parent
     return folder.parent if folder.name == "checkpoints" else folder
 

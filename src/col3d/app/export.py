@@ -15,7 +15,7 @@ import torch
 from col3d.app.config import ExportOptions
 from col3d.app.errors import check_options
 from col3d.app.exported_facts import facts_of
-from col3d.app.learnt import Learnt, learnt
+from col3d.app.learnt import Learnt, learnt, located
 from col3d.app.onnx_file import OnnxFile, write_onnx
 from col3d.app.program_file import ProgramFile, write_program
 from col3d.app.same_outputs import File, Likeness, compare
@@ -58,10 +58,12 @@ def export(given: Mapping[str, Any]) -> None:
 
 
 def _export_weights(options: ExportOptions, path: Path) -> None:
+    if path.resolve() == located(Path(options.checkpoint)).resolve():
+        raise UserError(f"output: {path} is the checkpoint itself, which holds more than its network")
     with _in_place(path) as partial:
         difference = write_weights(Path(options.checkpoint), partial)
     print(f"wrote {path}, {path.stat().st_size / 1e6:.1f} MB: the network alone, to predict with")
-    print(f"largest difference of its depth from the checkpoint's: {difference:.1e} of it")
+    print(f"largest difference from the checkpoint: {difference:.1e} of the depth, or in a normal")
 
 
 def _check(path: Path, overwrite: bool) -> None:

@@ -191,7 +191,7 @@ def _check_weights(sources: Sequence[SourceOptions], parts: Sequence[SizedFrames
 def _videos_at_hand(source: SourceOptions, phantom: PhantomOptions) -> list[str]:
     """Names of the videos of the data set, or where it is not there of the store that is named."""
     if source.name == "phantom":
-        return list(video_table())
+        return list(dict.fromkeys([*video_table(), *frame_set(source, phantom, []).folders]))
     root, store = Path(source.root), Path(source.store)
     if not root.is_dir() and source.store not in ("auto", "none") and store.is_dir():
         return sorted(path.name for path in store.iterdir() if path.is_dir())

@@ -28,7 +28,8 @@ MAX_DEPTH = 100.0
 SIZE = (320, 320)
 """Height and width that they see."""
 SHIPPED = "shipped"
-"""In place of a checkpoint's path: the small network that comes with the package."""
+"""In place of a checkpoint's path: the small network that comes with the package. A file that is called so
+itself is reached by its absolute path."""
 SAME_LENS = 1e-3
 """Largest difference of two unit rays of one lens."""
 
@@ -149,6 +150,10 @@ def published_network(path: Path, source: str, max_depth: float | None = None) -
     Raises:
         UserError: it is not theirs.
     """
+    if str(path) == SHIPPED:
+        raise UserError(
+            f"checkpoint: a value is needed, the file of the weights that published={source} names"
+        )
     try:
         return load_published(source, _read(path), max_depth or MAX_DEPTH)
     except ValueError as error:

@@ -18,7 +18,7 @@ from col3d.data.frames import FrameSet
 from col3d.data.phantom import render_phantom
 from col3d.data.processes import in_processes, remove_stale
 from col3d.data.sized import Resized
-from col3d.data.splits import seeded_name, selection_of_any_video
+from col3d.data.splits import SPLITS, expand, parse_selection, seeded_name, video_table
 from col3d.data.store import Recipe, read_video, write_video
 from col3d.data.store.index import shapes
 
@@ -50,8 +50,8 @@ def prepare(given: Mapping[str, Any]) -> None:
 
 def _videos_of(source: SourceOptions) -> list[str] | None:
     """Those of the split where it names colons of seeds of their own; None, which is all of C3VD's, else."""
-    parts = (source.split.train, source.split.val, source.split.test)
-    named = sorted({selection_of_any_video(entry).video for part in parts for entry in part})
+    entries = [entry for part in SPLITS for entry in getattr(source.split, part)]
+    named = sorted({parse_selection(entry).video for entry in expand(entries, list(video_table()))})
     return named if any(seeded_name(video, 0)[0] != video for video in named) else None
 
 

@@ -140,7 +140,7 @@ def _asked(source: SourceOptions, phantom: PhantomOptions, video: str) -> Asked:
     elif source.name == "phantom":
         counts = dict.fromkeys(("current", "pre_2023_05"), phantom.frames_per_video)
     release = source.release if source.normals == "stored" else "auto"
-    has_poses = source.name in ("c3vd", "phantom") and row is not None
+    has_poses = source.name == "phantom" or (source.name == "c3vd" and row is not None)
     return Asked(counts, exactly=not source.allow_missing, release=release, poses=has_poses)
 
 

@@ -1,47 +1,66 @@
 """A checkpoint that holds a network alone, in half precision: to predict with, not to train on."""
 
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import torch
 from torch import Tensor
 
+from col3d.app.config import SourceOptions
 from col3d.app.learnt import Learnt, learnt, trained_task
 from col3d.app.same_outputs import phantom_frame
 from col3d.app.traced import sample
 from col3d.checks import UserError
 
 SAME = 2e-2
-"""Largest relative difference of depth that rounding the weights may make."""
+"""Largest difference that rounding the weights may make: as a part of depth, in a component of normals."""
 KEPT = ("command", "commit", "versions", "cameras", "frames", "split", "metrics")
 """What stays of what a checkpoint says about itself."""
+
+Source = TypeVar("Source", bound=SourceOptions)
 
 
 def write_weights(source: Path, path: Path) -> float:
     """Write the network of a checkpoint of `train.py` without what only its training needs.
 
+    Folders in its options lose all but their names: they are of the machine that trained.
+
     Returns:
-        The largest relative difference of its depth from the original's, on a frame of the phantom.
+        The largest difference from what the original says of a frame of the phantom; see `SAME`.
 
     Raises:
         UserError: the source is no such checkpoint, or rounding changes what the network says.
     """
     task, options, checkpoint = trained_task(source)
-    root = f"data/{Path(options.data.root).name}"
-    data = options.data.model_copy(update={"root": root, "test": None, "also": {}})
+    data = _anywhere(options.data).model_copy(
+        update={
+            "also": {name: _anywhere(other) for name, other in options.data.also.items()},
+            "test": options.data.test and _anywhere(options.data.test),
+        }
+    )
+    elsewhere = {
+        "data": data,
+        "output_dir": f"runs/{Path(options.output_dir).name}",
+        "model": options.model.model_copy(update={"pretrained": None}),
+    }
     about = checkpoint.get("about") or {}
     content: dict[str, Any] = {
         "state_dict": {name: _halved(values) for name, values in task.state_dict().items()},
-        "hyper_parameters": {"options": options.model_copy(update={"data": data}).model_dump()},
+        "epoch": checkpoint["epoch"],
+        "hyper_parameters": {"options": options.model_copy(update=elsewhere).model_dump()},
         "about": {name: about[name] for name in KEPT if name in about},
     }
     torch.save(content, path)
     difference = _difference(learnt(source), learnt(path))
     if not difference < SAME:
         raise UserError(
-            f"export: half precision changes depth by {difference:.1%} of it; nothing was written"
+            f"export: half precision changes what it says by {difference:.2g}; nothing was written"
         )
     return difference
+
+
+def _anywhere(source: Source) -> Source:
+    return source.model_copy(update={"root": f"data/{Path(source.root).name}", "store": "auto"})
 
 
 def _halved(values: Tensor) -> Tensor:
@@ -52,5 +71,8 @@ def _halved(values: Tensor) -> Tensor:
 @torch.inference_mode()
 def _difference(whole: Learnt, rounded: Learnt) -> float:
     inputs = sample(whole.network, phantom_frame(whole.size_hw), next(iter(whole.cameras), None))
-    depths = [one.network(**inputs)["depth"] for one in (whole, rounded)]
-    return float(((depths[1] - depths[0]) / depths[0]).abs().max())
+    before, after = whole.network(**inputs), rounded.network(**inputs)
+    found = [((after["depth"] - before["depth"]) / before["depth"]).abs().max()]
+    if "normals" in before:
+        found.append((after["normals"] - before["normals"]).abs().max())
+    return float(torch.stack(found).max())

@@ -86,7 +86,7 @@ def leave_out(kind: str, value: str) -> dict[str, list[str]]:
 
 def seeded_name(video: str, seed: int) -> tuple[str, int]:
     """Split `cecum_t1_a_s7`, a phantom's video of a seed of its own, into name and seed; else as given."""
-    match = re.fullmatch(r"(.+)_s(\d+)", video)
+    match = re.fullmatch(r"(.+)_s(0|[1-9]\d*)", video)
     return (match[1], int(match[2])) if match and match[1] in video_table() else (video, seed)
 
 

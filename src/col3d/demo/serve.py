@@ -32,7 +32,7 @@ def serve(given: Mapping[str, Any]) -> None:
         given: the composed configuration as plain values; see `AppOptions`.
 
     Raises:
-        UserError: an option or the checkpoint breaks a rule, there is no finished run, or the port is taken.
+        UserError: an option or the checkpoint breaks a rule, or the port is taken.
     """
     quiet()
     options = check_options(AppOptions, given)

@@ -82,6 +82,7 @@ def test_names_with_seeds() -> None:
     assert seeded_name("cecum_t1_a_s12", 0) == ("cecum_t1_a", 12)
     assert seeded_name("cecum_t1_a", 5) == ("cecum_t1_a", 5)
     assert seeded_name("other_s12", 5) == ("other_s12", 5)
+    assert seeded_name("cecum_t1_a_s012", 5) == ("cecum_t1_a_s012", 5)
     names = seeded_videos(0, 43)
     assert len(set(names)) == 44
     assert names[:2] == ["cecum_t1_a_s0", "cecum_t1_b_s0"]

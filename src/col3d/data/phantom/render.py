@@ -166,10 +166,11 @@ class Renderer:
         """Values of the coarse grid at all pixels, softened over a cell of it."""
         coarse, known = np.zeros(self.size_hw, np.float32), grid.astype(np.float32)
         coarse[grid] = dark
-        small = (coarse[::step, ::step], known[::step, ::step])
-        soft, weight = (cv2.blur(part, (3, 3)) for part in small)
-        soft = soft / np.maximum(weight, 1e-3)
-        wide = cv2.resize(soft, self.size_hw[::-1], interpolation=cv2.INTER_LINEAR)
+        soft, weight = (cv2.blur(part[::step, ::step], (3, 3)) for part in (coarse, known))
+        at_pixels = np.array([[step, 0, 0], [0, step, 0]], np.float32)  # cell i was sampled at pixel i * step
+        wide = cv2.warpAffine(
+            soft / np.maximum(weight, 1e-3), at_pixels, self.size_hw[::-1], borderMode=cv2.BORDER_REPLICATE
+        )
         return wide[self.shown]
 
     def _flow(self, hits: Hits, previous: Float64[np.ndarray, "4 4"]) -> UInt16[np.ndarray, "n 3"]:

@@ -26,7 +26,7 @@ class PhantomSettings:
     frames_per_video: int = 16
     """Frames along each trajectory; fewer frames make larger steps over the same way."""
     seed: int = 0
-    """Changes every shape, path and texture."""
+    """Changes every shape, path and texture, but of videos whose names bring a seed of their own."""
     randomise: tuple[str, ...] = ()
     """Parts that every video draws anew; others are of its segment and texture. See `PARTS`."""
     videos: tuple[str, ...] = field(default_factory=lambda: tuple(video_table()))

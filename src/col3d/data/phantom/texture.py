@@ -1,4 +1,4 @@
-"""Fine texture of a wall without a map of it: three periodic pictures, one for each axis, blended."""
+"""Fine texture of a wall without a map of it: a periodic picture seen along each of three axes, blended."""
 
 import cv2
 import numpy as np
@@ -9,7 +9,7 @@ SIDE = 512
 CELL = 4
 """Pixels of its finest detail."""
 ROW = 256
-"""Points that are looked up as one row of an image; OpenCV takes no longer ones than 32767."""
+"""Points looked up as one row of an image, for OpenCV takes none longer than 32767; and half a picture."""
 
 Vectors = Float32[np.ndarray, "n 3"]
 
@@ -45,6 +45,6 @@ class FineTexture:
 
 
 def axis_shares(normals: Vectors) -> Vectors:
-    """How much each of the three pictures counts where the wall faces these ways; they add up to 1."""
+    """How much the picture along each axis counts where the wall faces these ways; they add up to 1."""
     shares = np.square(np.square(normals))
     return shares / shares.sum(axis=1, keepdims=True)

@@ -6,7 +6,7 @@ from jaxtyping import Float, Float64
 from col3d.data.phantom.anatomy import Colon
 
 CLEARANCE = 4.5
-"""Least distance in mm from the lens to the wall."""
+"""Least distance in mm from the lens to the wall; where drawn folds leave less room, the middle is taken."""
 AHEAD = 22.0
 """Distance in mm of the point of the centreline that the endoscope is steered at."""
 SWAY = 0.55

@@ -37,7 +37,7 @@ def render_video(
 
     Args:
         root: folder of the folders of videos.
-        video: its name in C3VD.
+        video: its name in C3VD, with a seed behind it or without.
         settings: of the whole phantom.
         frame_done: called after each frame.
     """
