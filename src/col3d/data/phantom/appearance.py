@@ -43,7 +43,7 @@ class Hits:
     turn: Float32[np.ndarray, "3 3"]
     """From camera axes to the world's; all points share it."""
 
-    def band(self, rows: slice) -> "Hits":
+    def band(self, rows: slice | np.ndarray) -> "Hits":
         """Some of the points."""
         return replace(self, **{name: getattr(self, name)[rows] for name in self._of_points()})
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 import torch
-from jaxtyping import Bool, Float32, Float64, UInt8, UInt16
+from jaxtyping import Bool, Float32, Float64, Int, UInt8, UInt16
 
 from col3d.data.octagon import octagon_mask
 from col3d.data.phantom.anatomy import Colon
@@ -23,6 +23,8 @@ GRAZING = 1e-3
 """Least cosine at which a stored normal faces its ray; interpolated ones may turn away at outlines."""
 SHADOW_GRID = 135
 """Least height in pixels of the grid on which shadows are cast; they are soft, for lamps have a width."""
+SHADED_GRID = 540
+"""Least height in pixels of the grid on which colour is found."""
 BAND = 16384
 """Rays that are worked on at once, so that what belongs to them stays in the cache."""
 OFF_WALL = 0.02
@@ -87,9 +89,8 @@ class Renderer:
             The frame, and the points that it sees.
         """
         hits = self.cast(pose)
-        seen = self._radiance(hits, pose)
         distance = np.sqrt(np.einsum("ni,ni->n", hits.points, hits.points))
-        light = light_of(seen, distance, self.shown, self.look, self.pixel)
+        light = self._light(hits, distance, pose)
         hit = hits.triangle >= 0
         depth = np.clip(np.rint(hits.points[:, 2] * (FULL_CODE / MAX_DEPTH)), 1, FULL_CODE)
         normals = np.rint((hits.normals + 1) * (FULL_CODE / 2)) * hit[:, None]
@@ -130,11 +131,34 @@ class Renderer:
             turn=turn,
         )
 
-    def _radiance(self, hits: Hits, pose: Float64[np.ndarray, "4 4"]) -> Radiance:
-        lit, light = self._lit(hits, pose), self.look.light
-        return Radiance.joined(
-            [self.mucosa.radiance(hits.band(b), light, lit[b], self.pixel) for b in self.bands]
+    def _light(
+        self, hits: Hits, distance: Float32[np.ndarray, " n"], pose: Float64[np.ndarray, "4 4"]
+    ) -> Float32[np.ndarray, "h w 3"]:
+        """Linear light of a frame; one of C3VD's own size is shaded at every second pixel, and enlarged."""
+        lit, step = self._lit(hits, pose), max(self.size_hw[0] // SHADED_GRID, 1)
+        grid, chosen = self._every(step)
+        seen, lit, pixel = hits.band(chosen), lit[chosen], step * self.pixel
+        bands = [slice(start, start + BAND) for start in range(0, len(chosen), BAND)]
+        radiance = Radiance.joined(
+            [self.mucosa.radiance(seen.band(b), self.look.light, lit[b], pixel) for b in bands]
         )
+        coarse = grid[::step, ::step]
+        light = light_of(radiance, distance[chosen], coarse, self.look, pixel)
+        if step == 1:
+            return light
+        known = np.maximum(self._enlarged(coarse.astype(np.float32), step), 1e-3)
+        return self._enlarged(light, step) / known[..., None] * self.shown[..., None]
+
+    def _every(self, step: int) -> tuple[Bool[np.ndarray, "h w"], Int[np.ndarray, " k"]]:
+        """Pixels of the octagon in every such row and column: where they are, and which of its rays."""
+        grid = np.zeros_like(self.shown)
+        grid[::step, ::step] = self.shown[::step, ::step]
+        return grid, np.flatnonzero(grid[self.shown])
+
+    def _enlarged(self, coarse: np.ndarray, step: int) -> np.ndarray:
+        """What was found at every such row and column, at all pixels."""
+        at_pixels = np.array([[step, 0, 0], [0, step, 0]], np.float32)
+        return cv2.warpAffine(coarse, at_pixels, self.size_hw[::-1], borderMode=cv2.BORDER_REPLICATE)
 
     def hides_another(self, hits: Hits, distance: Float32[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
         """Where the ray meets the wall once more behind the point it sees, within 100 mm of the lens."""
@@ -146,9 +170,7 @@ class Renderer:
     def _lit(self, hits: Hits, pose: Float64[np.ndarray, "4 4"]) -> Float32[np.ndarray, "n k"]:
         """How much of each lamp reaches each point; cast on a coarse grid, for shadows of lamps are soft."""
         step = max(self.size_hw[0] // SHADOW_GRID, 1)
-        grid = np.zeros_like(self.shown)
-        grid[::step, ::step] = self.shown[::step, ::step]
-        chosen = np.flatnonzero(grid[self.shown])
+        grid, chosen = self._every(step)
         normals = _turned(hits.normals[chosen], hits.turn)
         start = hits.world[chosen] + np.float32(5 * OFF_WALL) * normals
         reached = []
@@ -167,11 +189,7 @@ class Renderer:
         coarse, known = np.zeros(self.size_hw, np.float32), grid.astype(np.float32)
         coarse[grid] = dark
         soft, weight = (cv2.blur(part[::step, ::step], (3, 3)) for part in (coarse, known))
-        at_pixels = np.array([[step, 0, 0], [0, step, 0]], np.float32)  # cell i was sampled at pixel i * step
-        wide = cv2.warpAffine(
-            soft / np.maximum(weight, 1e-3), at_pixels, self.size_hw[::-1], borderMode=cv2.BORDER_REPLICATE
-        )
-        return wide[self.shown]
+        return self._enlarged(soft / np.maximum(weight, 1e-3), step)[self.shown]
 
     def _flow(self, hits: Hits, previous: Float64[np.ndarray, "4 4"]) -> UInt16[np.ndarray, "n 3"]:
         """Codes of the motion from this frame to the one before; 0 where the point was not seen in it."""
