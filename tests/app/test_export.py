@@ -138,7 +138,7 @@ def test_what_was_refused_leaves_no_file(
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("output=m.tflite",), "output: expected a name that ends in .onnx or .pt2, got 'm.tflite'"),
+        (("output=m.tflite",), "output: expected a name that ends in .onnx, .pt2 or .ckpt, got 'm.tflite'"),
         (("output=there.onnx",), "output: there.onnx is there already; give overwrite=true to replace it"),
         (("output=folder.pt2", "overwrite=true"), "output: folder.pt2 is a folder"),
         (("output=m.onnx",), "checkpoint: no such file: none.ckpt"),

@@ -13,6 +13,8 @@ from col3d.fusion import read_coverage
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*pin_memory.*")
 
+COVERAGE = "truth to coverage_mesh.obj"
+
 
 def fused(video: Path, folder: Path, *overrides: str) -> dict[str, object]:
     place = (f"video={video}", f"output={folder}", "voxel=2", "size=[64,80]", "accelerator=cpu")
@@ -24,7 +26,13 @@ def fused(video: Path, folder: Path, *overrides: str) -> dict[str, object]:
 def test_truth_and_prediction_of_a_video(
     phantom_root: Path, tiny_checkpoint: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    video = phantom_root / "desc_t4_a"
+    rendered = phantom_root / "desc_t4_a"
+    truth = fused(rendered, tmp_path / "truth")["comparisons"]
+    assert list(truth) == [COVERAGE]  # type: ignore[call-overload]
+    assert truth[COVERAGE]["accuracy_mean_mm"] < 1  # type: ignore[index]
+    video = Path(shutil.copytree(rendered, tmp_path / "C3VD" / "desc_t4_a"))
+    (video / "coverage_mesh.obj").unlink()
+    capsys.readouterr()
     alone = fused(video, tmp_path / "alone")
     assert (alone["frames"], alone["comparisons"]) == (3, {})
     assert "nothing to compare with" in capsys.readouterr().out
