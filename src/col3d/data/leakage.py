@@ -47,12 +47,13 @@ def shared_with_training(train: Sequence[str], test: Sequence[str]) -> list[Shar
 def _shared(video: str, seen: Sequence[str]) -> Shared:
     segment, texture = describe(video)
     itself = seeded_name(video, 0)  # rendered videos of other seeds share neither wall nor way
-    known = [o for o in seen if segment and describe(o)[0] and seeded_name(o, 0)[1] == itself[1]]
+    others = [other for other in seen if seeded_name(other, 0) != itself]
+    known = [o for o in others if segment and describe(o)[0] and seeded_name(o, 0)[1] == itself[1]]
     alike = {other: (describe(other)[0] == segment, describe(other)[1] == texture) for other in known}
     return Shared(
         video,
-        tuple(other for other in seen if seeded_name(other, 0) == itself),
-        tuple(other for other in known if seeded_name(other, 0) != itself and alike[other] == (True, True)),
-        tuple(other for other in known if seeded_name(other, 0) != itself and alike[other][0]),
-        tuple(other for other in known if seeded_name(other, 0) != itself and alike[other][1]),
+        tuple(other for other in seen if other not in others),
+        tuple(other for other in known if alike[other] == (True, True)),
+        tuple(other for other in known if alike[other][0]),
+        tuple(other for other in known if alike[other][1]),
     )

@@ -55,6 +55,15 @@ def landing(scene: Scene, settings: PhantomSettings, number: int) -> tuple[np.nd
     return grid, axes
 
 
+def distance_and_wall(scene: Scene, number: int, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How far points in camera axes are, and how far the wall is that a frame sees towards them, in mm."""
+    distance, pose = np.linalg.norm(points, axis=1), scene.poses[number]
+    way = ((points / distance[:, None]) @ pose[:3, :3].T).astype(np.float32)
+    start = np.broadcast_to(pose[:3, 3], way.shape).astype(np.float32)
+    found = scene.renderer.scene.run(np.ascontiguousarray(start), np.ascontiguousarray(way), output=True)
+    return distance, found["tfar"]
+
+
 @pytest.mark.parametrize("number", FRAMES[1:])
 def test_flow_moves_a_pixel_onto_the_same_point(
     slow: tuple[Path, Scene, PhantomSettings], number: int
@@ -87,14 +96,7 @@ def test_flow_is_known_where_the_frame_before_sees_the_point_and_nowhere_else(
         nearest = np.nan_to_num(np.rint(places)).astype(int)
     corners = octagon_mask(settings.size_hw)[0].numpy()
     inside[inside] = corners[nearest[inside][:, 1], nearest[inside][:, 0]]
-    aim = points[inside]
-    distance = np.linalg.norm(aim, axis=1)
-    before = scene.poses[number - 1]
-    way = (aim / distance[:, None]) @ before[:3, :3].T
-    start = np.broadcast_to(before[:3, 3], way.shape)
-    first = scene.renderer.scene.run(
-        np.ascontiguousarray(start, np.float32), np.ascontiguousarray(way, np.float32), output=True
-    )["tfar"]
+    distance, first = distance_and_wall(scene, number - 1, points[inside])
     clear, hidden = distance - first < 0.05, distance - first > 0.2
     assert known[inside][clear].mean() > 0.999
     assert not known[inside][hidden].any()
@@ -134,12 +136,7 @@ def test_poses_reproject_the_depth(slow: tuple[Path, Scene, PhantomSettings]) ->
         depth = pixels(folder / f"{first:04d}_depth.tiff")[shown] / 65535.0 * 100
         points = np.concatenate([rays / rays[:, 2:] * depth[:, None], np.ones((len(depth), 1))], axis=1)
         seen = (points @ rows[first] @ np.linalg.inv(rows[second]))[:, :3]
-        distance = np.linalg.norm(seen, axis=1)
-        way = (seen / distance[:, None]) @ scene.poses[second][:3, :3].T
-        start = np.broadcast_to(scene.poses[second][:3, 3], way.shape)
-        met = scene.renderer.scene.run(
-            np.ascontiguousarray(start, np.float32), np.ascontiguousarray(way, np.float32), output=True
-        )["tfar"]
+        distance, met = distance_and_wall(scene, second, seen)
         off = np.abs(distance - met)[(depth < 100) & (distance - met < 1)]  # others are hidden
         assert len(off) > 0.3 * len(depth)
         assert np.median(off) < 0.05

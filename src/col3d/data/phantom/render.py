@@ -65,7 +65,7 @@ class Renderer:
         middle = rays[:, self.size_hw[0] // 2, self.size_hw[1] // 2 : self.size_hw[1] // 2 + 2]
         self.pixel = float(np.linalg.norm(middle[:, 1] - middle[:, 0]))
         self.places = np.argwhere(self.shown)[:, ::-1].astype(np.float32)
-        self.bands = [slice(start, start + BAND) for start in range(0, len(self.rays), BAND)]
+        self.bands = _bands(len(self.rays))
         table = np.concatenate([colon.normals, mucosa.attributes], axis=1)
         self.corners: Float32[np.ndarray, "t 3 c"] = table[colon.triangles]
         self.first = np.ascontiguousarray(colon.triangles[:, 0])
@@ -138,16 +138,16 @@ class Renderer:
         lit, step = self._lit(hits, pose), max(self.size_hw[0] // SHADED_GRID, 1)
         grid, chosen = self._every(step)
         seen, lit, pixel = hits.band(chosen), lit[chosen], step * self.pixel
-        bands = [slice(start, start + BAND) for start in range(0, len(chosen), BAND)]
+        light, mucosa = self.look.light, self.mucosa
         radiance = Radiance.joined(
-            [self.mucosa.radiance(seen.band(b), self.look.light, lit[b], pixel) for b in bands]
+            [mucosa.radiance(seen.band(b), light, lit[b], pixel) for b in _bands(len(chosen))]
         )
         coarse = grid[::step, ::step]
-        light = light_of(radiance, distance[chosen], coarse, self.look, pixel)
+        picture = light_of(radiance, distance[chosen], coarse, self.look, pixel)
         if step == 1:
-            return light
+            return picture
         known = np.maximum(self._enlarged(coarse.astype(np.float32), step), 1e-3)
-        return self._enlarged(light, step) / known[..., None] * self.shown[..., None]
+        return self._enlarged(picture, step) / known[..., None] * self.shown[..., None]
 
     def _every(self, step: int) -> tuple[Bool[np.ndarray, "h w"], Int[np.ndarray, " k"]]:
         """Pixels of the octagon in every such row and column: where they are, and which of its rays."""
@@ -236,6 +236,10 @@ class Renderer:
         image = np.zeros((*self.size_hw, *pixels.shape[1:]), pixels.dtype)
         image[self.shown] = pixels
         return image
+
+
+def _bands(count: int) -> list[slice]:
+    return [slice(start, start + BAND) for start in range(0, count, BAND)]
 
 
 def facing_rays(
