@@ -36,11 +36,18 @@ def size_of(preset: str | None, data: str) -> Any:
     return OmegaConf.select(OmegaConf.load(path), "data.size")
 
 
-def colons(first: int, last: int) -> list[str]:
-    """Names of a phantom's videos number `first` to `last`, with their seeds."""
+def colons(*bounds: Any) -> list[str]:
+    """Names of a phantom's videos with their seeds, from a first number to a last, for each two bounds."""
     from col3d.data.splits import seeded_videos
 
-    return seeded_videos(first, last)
+    pairs = list(zip(bounds[::2], bounds[1::2], strict=False))
+    whole = all(type(bound) is int for bound in bounds) and len(bounds) % 2 == 0
+    if not (whole and pairs and all(0 <= first <= last for first, last in pairs)):
+        given = ",".join(map(str, bounds))
+        raise UserError(
+            f"${{colons:{given}}}: expected a first and a last number from 0, or several such pairs"
+        )
+    return [name for first, last in pairs for name in seeded_videos(first, last)]
 
 
 def drawn(randomise: Any) -> str:

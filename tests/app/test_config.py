@@ -2,6 +2,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 import pytest
+from omegaconf.errors import InterpolationResolutionError
 from tiny_run import CONF, composed
 
 from col3d.app.config import (
@@ -240,3 +241,16 @@ def test_a_phantom_is_called_after_what_it_draws(randomise: str, ending: str) ->
 def test_what_cannot_be_drawn_is_refused(overrides: tuple[str, ...], message: str) -> None:
     with pytest.raises(UserError, match=message):
         checked(*overrides)
+
+
+def test_colons_are_named_by_their_numbers() -> None:
+    found = checked("experiment=sim2real", "data.split.train=${colons:0,1,22,22}").data.split.train
+    assert found == ["cecum_t1_a_s0", "cecum_t1_b_s0", "cecum_t1_a_s1"]
+
+
+@pytest.mark.parametrize("bounds", ["3", "1,2,3", "5,4", "-1,2", "a,2", "1.5,2"])
+def test_what_names_no_colons_is_refused(bounds: str) -> None:
+    with pytest.raises(
+        InterpolationResolutionError, match=rf"colons:{bounds}}}: expected a first and a last number"
+    ):
+        checked("experiment=sim2real", f"data.split.train=${{colons:{bounds}}}")
