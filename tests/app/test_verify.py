@@ -15,7 +15,7 @@ from col3d.app.stores import remember
 from col3d.app.verify import verify
 from col3d.checks import DataError, UserError
 from col3d.data.c3vd import C3VD
-from col3d.data.phantom import PhantomSettings, phantom_camera, render_phantom
+from col3d.data.phantom import PARTS, PhantomSettings, phantom_camera, render_phantom
 from col3d.data.sized import Resized
 from col3d.data.store import Recipe, write_video
 
@@ -83,6 +83,17 @@ def test_a_healthy_phantom(root: Path, capsys: pytest.CaptureFixture[str]) -> No
     for part in ("cecum_t1_a", "6/6", "108x135", "of the lens, release current", "0 faults and 0 notes"):
         assert part in screen
     assert (root.parent / "out" / "verify.html").read_text().count("<figure>") == 2
+
+
+def test_a_phantom_that_draws_everything_and_its_flow(tmp_path: Path) -> None:
+    root, video = tmp_path / "frames", "sigmoid_t2_a_s5"
+    settings = PhantomSettings((108, 135), 6, randomise=PARTS, videos=(video,))
+    render_phantom(root, settings, workers=1, progress=False)
+    split = (f"data.split.train=[{video}]", f"data.split.test=[{video}]", "data.randomise=true")
+    assert run(root, *split)["findings"] == []
+    cut = root / video / "0003_flow.tiff"
+    cut.write_bytes(cut.read_bytes()[:-100])
+    assert faults(run(root, *split, code=1)) == [("file", video, 3)]
 
 
 def test_what_is_broken_is_named(root: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -58,6 +58,7 @@ class C3VD(FrameSet):
         "depth": Kind("{}_depth.tiff", 1, 16),
         "normals": Kind("{}_normals.tiff", 3, 16),
         "occlusion": Kind("{}_occlusion.png", 1, 8),
+        "flow": Kind("{}_flow.tiff", 3, 16),
     }
     example = "NNNN_color.png with NNNN_depth.tiff"
     max_depth = MAX_DEPTH

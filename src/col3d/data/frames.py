@@ -118,7 +118,7 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
     """
 
     kinds: Mapping[str, Kind]
-    """`color`, `depth`, and those of `normals` and `occlusion` that the data set has."""
+    """`color`, `depth`, and those of `normals`, `occlusion` and `flow` that the data set has."""
     max_depth: float
     """Millimetres: the largest depth that counts."""
     releases: dict[str, str]

@@ -1,6 +1,6 @@
 """What videos draw anew: each part alone, every video for itself, within what can be seen and measured."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import cv2
@@ -10,6 +10,7 @@ import pytest
 from col3d.data.octagon import octagon_mask
 from col3d.data.phantom import PARTS, PhantomSettings, render_phantom
 from col3d.data.phantom.look import LOOKS
+from col3d.data.phantom.segments import SEGMENTS
 from col3d.data.phantom.write import scene_of
 from col3d.data.splits import describe, seeded_name, seeded_videos
 
@@ -49,6 +50,20 @@ def test_a_part_does_not_depend_on_which_others_are_drawn() -> None:
     assert both.light == alone.light != LOOKS["1"].light
     assert alone.tissue == LOOKS["1"].tissue
     assert alone.sensor == LOOKS["1"].sensor
+
+
+@pytest.mark.parametrize("part", ["tissue", "light", "sensor"])
+def test_every_number_of_a_look_is_drawn(part: str) -> None:
+    looks = [LOOKS["2"].varied((part,), lambda _, k=k: np.random.default_rng(k)) for k in range(12)]
+    for field in fields(getattr(looks[0], part)):
+        assert len({getattr(getattr(look, part), field.name) for look in looks}) > 3, field.name
+
+
+@pytest.mark.parametrize("name", list(SEGMENTS))
+def test_no_bend_is_so_tight_that_the_wall_crosses_itself(name: str) -> None:
+    drawn = [SEGMENTS[name].varied(np.random.default_rng(seed)) for seed in range(300)]
+    assert min(s.bend_length / (2 * np.pi * s.bend * s.radius) for s in (*drawn, SEGMENTS[name])) > 1.39
+    assert len({s.bend for s in drawn}) > 200
 
 
 def test_every_video_draws_for_itself() -> None:

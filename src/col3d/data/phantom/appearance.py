@@ -11,12 +11,10 @@ from col3d.data.phantom.look import Colour, Light, Tissue
 from col3d.data.phantom.noise import random_lattice, smoothstep, value_noise
 from col3d.data.phantom.texture import FineTexture, axis_shares
 
-GRAIN, FILM = 1.7, 0.45
-"""Sizes in mm of the tissue's grain and of the ripples of the wet film."""
+FILM = 0.45
+"""Size in mm of the ripples of the wet film."""
 THICK, THIN = 14.0, 6.0
 """Distances in mm over which vessels and capillaries wind."""
-MUCUS: Colour = (0.75, 0.66, 0.42)
-"""Reflectance of mucus where it covers what lies below."""
 REFERENCE = 20.0
 """Distance in mm at which scattered light is given over the lamps'."""
 
@@ -90,8 +88,8 @@ class Mucosa:
         vessels = _winding_lines(colon, THICK, random), _winding_lines(colon, THIN, random)
         columns = [*vessels, slow[:, :1] + 0.6 * quick, slow[:, 1:], colon.relief[:, None]]
         self.attributes: Float32[np.ndarray, "v 8"] = np.concatenate(columns, axis=1)
-        self._grain, self._film = FineTexture(GRAIN, 3, random), FineTexture(FILM, 3, random)
-        self._bubbles = _bubbles(colon, tissue.bubbles, random)
+        self._grain, self._film = FineTexture(tissue.grain_size, 3, random), FineTexture(FILM, 3, random)
+        self._bubbles = _bubbles(colon, tissue, random)
         self._bubble_at = _nearby(colon, self._bubbles)
 
     def radiance(self, hits: Hits, light: Light, lit: Float32[np.ndarray, "n k"], pixel: float) -> Radiance:
@@ -107,8 +105,9 @@ class Mucosa:
         grain, film = self._grain(hits.world, shares), self._film(hits.world + 0.3, shares)
         distance = np.sqrt(_dot(hits.points, hits.points))
         visible = np.clip(FILM / (pixel * distance), 0.25, 1.0)[:, None]  # ripples under a pixel average out
-        tissue = _unit(hits.normals + 0.5 * look.roughness * grain)
-        wet = _unit(tissue + 1.6 * look.roughness * visible * film + self._domes(hits))
+        bent, rippled = (turned(field, hits.turn.T) for field in (grain, film))  # they are fixed to the wall
+        tissue = _unit(hits.normals + 0.5 * look.roughness * bent)
+        wet = _unit(tissue + 1.6 * look.roughness * visible * rippled + self._domes(hits))
         diffuse, shine = _lamplight(hits.points, tissue, wet, distance, light, lit, look)
         scattered = light.scatter * REFERENCE ** (light.scatter_fall - 2) / distance**light.scatter_fall
         gloss = look.gloss * smoothstep(-1.0, 0.8, hits.attributes[:, 4] + 0.5 * grain[:, 2])
@@ -123,10 +122,12 @@ class Mucosa:
         colour = _mix(np.asarray(look.mucosa, np.float32), look.patches, look.patchiness * part)
         shade = 1 + 0.22 * tone + look.grain * (grain[:, 1] + grain[:, 2]) + 0.02 * np.clip(relief, -3, 6)
         bare = _mix(
-            colour * shade[:, None], look.vessels, look.vessel_strength * _vessels(attributes, density)
+            colour * shade[:, None],
+            look.vessels,
+            look.vessel_strength * _vessels(attributes, density, look.vessel_width),
         )
         covered = smoothstep(0.6 - 0.9 * look.mucus, 1.4 - 0.6 * look.mucus, patches * tone - density)
-        return np.clip(_mix(bare, MUCUS, 0.6 * covered), 0.01, 1.0)
+        return np.clip(_mix(bare, look.mucus_colour, 0.6 * covered), 0.01, 1.0)
 
     def _domes(self, hits: Hits) -> Vectors:
         """How bubbles bend the wet surface: towards where a sphere around their middle faces."""
@@ -136,7 +137,7 @@ class Mucosa:
         if len(near):
             sphere = self._bubbles[bubble[near]]
             off = (hits.world[near] - sphere[:, :3]) / sphere[:, 3:]
-            bend[near] = 1.2 * (_dot(off, off) < 1)[:, None] * (off @ hits.turn)
+            bend[near] = 1.2 * (_dot(off, off) < 1)[:, None] * turned(off, hits.turn.T)
         return bend
 
 
@@ -163,14 +164,15 @@ def _lamplight(
     return diffuse, shine
 
 
-def _bubbles(colon: Colon, clusters: int, random: np.random.Generator) -> Float32[np.ndarray, "b 4"]:
+def _bubbles(colon: Colon, tissue: Tissue, random: np.random.Generator) -> Float32[np.ndarray, "b 4"]:
     """Middles and radii in mm of bubbles that sit on the wall, a few beside each other."""
     rows = []
-    for _ in range(clusters):
+    for _ in range(tissue.bubbles):
         middle = colon.vertices[random.integers(len(colon.vertices))]
         count = int(random.integers(3, 12))
         spread = random.normal(0, 1.5, (count, 3))
-        rows.append(np.concatenate([middle + spread, random.uniform(0.3, 1.4, (count, 1))], axis=1))
+        radii = random.uniform(0.25, 1.0, (count, 1)) * tissue.bubble_size
+        rows.append(np.concatenate([middle + spread, radii], axis=1))
     return np.concatenate(rows).astype(np.float32) if rows else np.zeros((0, 4), np.float32)
 
 
@@ -194,13 +196,18 @@ def _winding_lines(colon: Colon, cell: float, random: np.random.Generator) -> Fl
     return field / np.maximum(np.linalg.norm(slope, axis=-1), 0.15 / cell)
 
 
-def _vessels(attributes: Attributes, density: np.ndarray) -> Scalars:
-    """Strength of vessels in [0, 1]; they taper where their density falls."""
-    width = 0.45 * smoothstep(-0.25, 0.55, density) + 1e-3
-    fine = 0.22 * smoothstep(-0.1, 0.5, density) + 1e-3
+def _vessels(attributes: Attributes, density: np.ndarray, half_width: float) -> Scalars:
+    """Strength of vessels in [0, 1]; they taper where their density falls, capillaries are half as wide."""
+    width = half_width * smoothstep(-0.25, 0.55, density) + 1e-3
+    fine = 0.5 * half_width * smoothstep(-0.1, 0.5, density) + 1e-3
     half_widths = np.stack([width, 0.65 * width, fine, 0.8 * fine], axis=1)
     lines = np.clip(1 - np.abs(attributes[:, :4]) / half_widths, 0, 1)
     return (lines * np.array([1.0, 0.85, 0.45, 0.4], np.float32)).max(axis=1)
+
+
+def turned(vectors: Vectors, turn: Float32[np.ndarray, "3 3"]) -> Vectors:
+    """Each vector turned. Not a matrix product: its threads would wait on each other in every process."""
+    return np.einsum("ij,nj->ni", turn, vectors)
 
 
 def _mix(colour: np.ndarray, other: Colour, part: Float[np.ndarray, " n"]) -> np.ndarray:

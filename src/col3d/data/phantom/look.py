@@ -25,9 +25,16 @@ class Tissue:
     """How far light under the surface reaches around edges: part of the cosine, and mm of blur."""
     grain: float = 0.05
     """How much the tissue's grain changes its reflectance."""
+    grain_size: float = 1.7
+    vessel_width: float = 0.45
+    """Half the width of the widest vessels; capillaries have half of it."""
     mucus: float = 0.15
-    """Share of the wall under a pale film."""
+    """How far a pale film spreads; at 0 it lies in the hollows of the slowest variation alone."""
+    mucus_colour: Colour = (0.75, 0.66, 0.42)
     bubbles: int = 4
+    """Clusters of them."""
+    bubble_size: float = 1.4
+    """Radius of the largest."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +73,11 @@ class Sensor:
     sharpening: float = 0.0
     noise: float = 0.008
     jpeg: int = 97
+    icon: tuple[float, float] = (0.987, 0.967)
+    """Middle of the mark in the lower right corner, over the width and height of a frame."""
+    icon_level: int = 235
+    surround: int = 5
+    """Highest grey level outside the octagon."""
 
 
 @dataclass(frozen=True)
@@ -115,6 +127,10 @@ def _varied_tissue(tissue: Tissue, random: np.random.Generator) -> Tissue:
         grain=float(np.exp(random.uniform(-3.5, -1.5))),
         mucus=random.uniform(0.0, 0.25),
         bubbles=int(random.integers(0, 10)),
+        grain_size=1.7 * float(np.exp(random.uniform(-0.4, 0.4))),
+        vessel_width=0.45 * float(np.exp(random.uniform(-0.5, 0.4))),
+        mucus_colour=_varied_colour(tissue.mucus_colour, random),
+        bubble_size=random.uniform(0.7, 2.0),
     )
 
 
@@ -145,6 +161,9 @@ def _varied_sensor(random: np.random.Generator) -> Sensor:
         sharpening=random.uniform(0.0, 1.2) * float(random.random() < 0.7),
         noise=float(np.exp(random.uniform(-6.5, -4.0))),
         jpeg=int(random.integers(80, 99)),
+        icon=(random.uniform(0.975, 0.989), random.uniform(0.955, 0.978)),
+        icon_level=int(random.integers(150, 256)),
+        surround=int(random.integers(1, 12)),
     )
 
 

@@ -41,7 +41,7 @@ def place_folds(segment: Segment, random: np.random.Generator) -> list[Fold]:
 
 
 def fold_heights(folds: list[Fold], rows: np.ndarray, theta: np.ndarray) -> Float[np.ndarray, "n k"]:
-    """Crests of Gaussian profile along the tube that fade out around it; the highest of all counts."""
+    """Crests of Gaussian profile along the tube that fade out around it; where two meet they add up."""
     total = np.zeros((len(rows), len(theta)))
     for fold in folds:
         near = np.abs(rows - fold.at) < 5 * fold.width + 3

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float32, Float64, Int, UInt8, UInt16
 
 from col3d.data.octagon import octagon_mask
 from col3d.data.phantom.anatomy import Colon
-from col3d.data.phantom.appearance import Hits, Mucosa, Radiance
+from col3d.data.phantom.appearance import Hits, Mucosa, Radiance, turned
 from col3d.data.phantom.look import Look
 from col3d.data.phantom.sensor import develop, light_of
 from col3d.geometry import Camera
@@ -110,7 +110,7 @@ class Renderer:
 
     def _cast(self, pose: Float64[np.ndarray, "4 4"], seen: Float32[np.ndarray, "n 3"]) -> Hits:
         turn = pose[:3, :3].astype(np.float32)
-        rays = _turned(seen, turn)
+        rays = turned(seen, turn)
         origin = np.broadcast_to(pose[:3, 3].astype(np.float32), rays.shape)
         found = self.scene.run(np.ascontiguousarray(origin), rays, output=True)
         triangle = found["primID"]
@@ -122,7 +122,7 @@ class Renderer:
         facing = np.ascontiguousarray(values[:, :3])
         return Hits(
             points=seen * distance,
-            normals=facing_rays(_turned(facing, turn.T), seen),
+            normals=facing_rays(turned(facing, turn.T), seen),
             world=origin + rays * distance,
             facing=facing,
             attributes=values[:, 3:],
@@ -163,7 +163,7 @@ class Renderer:
     def hides_another(self, hits: Hits, distance: Float32[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
         """Where the ray meets the wall once more behind the point it sees, within 100 mm of the lens."""
         beyond = distance + OFF_WALL
-        rays = _turned(self.rays, hits.turn)
+        rays = turned(self.rays, hits.turn)
         start = hits.world + OFF_WALL * rays
         return self._blocked(start, rays, np.maximum(np.float32(MAX_DEPTH) - beyond, 0))
 
@@ -171,7 +171,7 @@ class Renderer:
         """How much of each lamp reaches each point; cast on a coarse grid, for shadows of lamps are soft."""
         step = max(self.size_hw[0] // SHADOW_GRID, 1)
         grid, chosen = self._every(step)
-        normals = _turned(hits.normals[chosen], hits.turn)
+        normals = turned(hits.normals[chosen], hits.turn)
         start = hits.world[chosen] + np.float32(5 * OFF_WALL) * normals
         reached = []
         for lamp in self.look.light.lamps:
@@ -200,7 +200,7 @@ class Renderer:
         self, hits: Hits, places: Float32[np.ndarray, "n 2"], previous: Float64[np.ndarray, "4 4"]
     ) -> UInt16[np.ndarray, "n 3"]:
         turn, place = previous[:3, :3].astype(np.float32), previous[:3, 3].astype(np.float32)
-        points = _turned(hits.world - place, turn.T)
+        points = turned(hits.world - place, turn.T)
         u, v = np.nan_to_num(self.camera.project(torch.from_numpy(points)).numpy(), nan=-1e6).T
         motion = np.stack([u, v], axis=1) - places
         height, width = self.size_hw
@@ -251,10 +251,3 @@ def facing_rays(
     excess = np.clip(along + GRAZING, 0, None)
     turned = normals - excess * rays
     return turned / np.linalg.norm(turned, axis=-1, keepdims=True)
-
-
-def _turned(
-    vectors: Float32[np.ndarray, "n 3"], turn: Float32[np.ndarray, "3 3"]
-) -> Float32[np.ndarray, "n 3"]:
-    """Each vector turned. Not a matrix product: its threads would wait on each other in every process."""
-    return np.einsum("ij,nj->ni", turn, vectors)

@@ -4,6 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+TIGHTEST = 1.4
+"""Least radius of a bend over that of the tube, whose inner side would cross itself below 1."""
+
 
 @dataclass(frozen=True)
 class Segment:
@@ -38,7 +41,7 @@ class Segment:
 
     def varied(self, random: np.random.Generator) -> "Segment":
         """A relative, as patients and moulds differ: calibre, cross-section, bends, folds, rings and ends."""
-        return replace(
+        drawn = replace(
             self,
             length=self.length * random.uniform(0.8, 1.2),
             radius=self.radius * float(np.exp(random.uniform(-0.3, 0.3))),
@@ -54,6 +57,8 @@ class Segment:
             arm_sharpness=int(random.choice([2, 4, 6, 8])),
             flatness=random.uniform(0.35, 1.1),
         )
+        sharpest = drawn.bend_length / (2 * np.pi * TIGHTEST * drawn.radius)
+        return replace(drawn, bend=min(drawn.bend, sharpest))
 
 
 SEGMENTS = {

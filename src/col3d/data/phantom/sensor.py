@@ -13,8 +13,8 @@ NEAR = 15.0
 """Distance in mm at which the softness of tissue is given in pixels."""
 WIDTH = 169
 """Pixels a row of a frame of C3VD's size over eight, for which blur is given."""
-ICON = (0.987, 0.967, 0.016, 0.019)
-"""Middle and size of the mark in the lower right corner, over the width and height of a frame."""
+ICON = (0.016, 0.019)
+"""Size of the mark in the lower right corner, over the width and height of a frame."""
 
 Picture = Float32[np.ndarray, "h w 3"]
 Shown = Bool[np.ndarray, "h w"]
@@ -78,19 +78,20 @@ def develop(
     if sensor.sharpening:
         values += np.float32(sensor.sharpening) * (values - cv2.GaussianBlur(values, (0, 0), 1.2 * scale))
     values += np.float32(sensor.noise) * random.standard_normal(values.shape, np.float32)
-    outside = random.integers(0, 6, (*shown.shape, 1), np.uint8)
+    outside = random.integers(0, sensor.surround + 1, (*shown.shape, 1), np.uint8)
     pixels = np.where(shown[..., None], np.rint(np.clip(values, 0, 1) * 255).astype(np.uint8), outside)
-    _mark(pixels)
+    _mark(pixels, sensor)
     return _compressed(pixels, sensor.jpeg)
 
 
-def _mark(pixels: UInt8[np.ndarray, "h w 3"]) -> None:
+def _mark(pixels: UInt8[np.ndarray, "h w 3"], sensor: Sensor) -> None:
     """The small frame that the processor draws into the corner."""
-    height, width = pixels.shape[:2]
-    x, y, wide, high = ICON
+    (height, width), (x, y), (wide, high) = pixels.shape[:2], sensor.icon, ICON
     left, right = (round((x + side * wide / 2) * width) for side in (-1, 1))
     top, bottom = (round((y + side * high / 2) * height) for side in (-1, 1))
-    cv2.rectangle(pixels, (left, top), (right, bottom), (235, 235, 235), max(1, round(0.003 * width)))
+    cv2.rectangle(
+        pixels, (left, top), (right, bottom), (sensor.icon_level,) * 3, max(1, round(0.003 * width))
+    )
 
 
 def _compressed(pixels: UInt8[np.ndarray, "h w 3"], quality: int) -> UInt8[np.ndarray, "h w 3"]:

@@ -24,7 +24,7 @@ from col3d.data.processes import whole_folder
 from col3d.data.splits import seeded_name, video_table
 
 MANIFEST = "phantom.json"
-VERSION = 2
+VERSION = 3
 """Raised whenever equal settings give other pixels or files than before."""
 UNCOMPRESSED = (cv2.IMWRITE_TIFF_COMPRESSION, 1)
 FAST = (cv2.IMWRITE_PNG_COMPRESSION, 1)

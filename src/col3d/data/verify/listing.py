@@ -5,7 +5,7 @@ from pathlib import Path
 from col3d.data.frames import Frame, FrameSet, Kind
 from col3d.data.verify.findings import Finding
 
-EXTRA = ("occlusion",)
+EXTRA = ("occlusion", "flow")
 """Kinds of files that are checked where they are there."""
 
 
