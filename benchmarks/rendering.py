@@ -67,7 +67,7 @@ def main() -> None:
     rates = {name: frames_a_second(size, frames) for name, (size, frames) in SIZES.items()}
     found = {name: profile(size, frames) for name, (size, frames) in SIZES.items()}
     print(f"| {os.cpu_count()} processes | " + " | ".join(SIZES) + " |\n|---|" + "---|" * len(SIZES))
-    print("| frames a second | " + " | ".join(f"{rate:.1f}" for rate in rates.values()) + " |")
+    print("| frames a second | " + " | ".join(f"{rate:.2f}" for rate in rates.values()) + " |")
     for part in PARTS:
         cells = (f"{1000 * seconds[part]:.0f} ms" for seconds, _ in found.values())
         print(f"| {part}, one process | " + " | ".join(cells) + " |")

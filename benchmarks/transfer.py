@@ -3,13 +3,14 @@
     python -m benchmarks.transfer /path/to/C3VD cecum_t1_a --checkpoint shipped
 
 Prints a table in Markdown: errors of each after one factor for each frame, the ratio of the medians, and as
-they are. The three baselines know nothing of the scene: a constant, light that falls with the square of the
-distance, and depth that falls with the distance from the image's middle. They have no scale of their own.
+they are, with the least and the largest ratio of the medians as their scale. The three baselines know nothing
+of the scene: a constant, light that falls with the square of the distance, and depth that falls with the
+distance from the image's middle. They have no scale of their own.
 """
 
 import argparse
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import torch
@@ -57,13 +58,23 @@ BASELINES: Mapping[str, Guess] = {
 
 def scores(frames: Resized, guess: Guess, scaling: str) -> dict[str, float]:
     """Means over frames."""
-    protocol, found = Protocol(scaling=scaling), []
+    protocol = Protocol(scaling=scaling)
+    found = [protocol.score(prediction, batch) for prediction, batch in guessed(frames, guess)]
+    return {name: float(torch.stack([row[name] for row in found]).mean()) for name in SHOWN}
+
+
+def scales(frames: Resized, guess: Guess) -> list[float]:
+    """For each frame the median of the guess over that of the truth, where there is truth."""
+    pairs = [(said["depth"], batch["depth"], batch["mask"]) for said, batch in guessed(frames, guess)]
+    return [float(depth[mask].median() / truth[mask].median()) for depth, truth, mask in pairs]
+
+
+def guessed(frames: Resized, guess: Guess) -> Iterator[tuple[Prediction, Batch]]:
+    """Each frame as a batch of one, behind what is guessed of it."""
     for index in range(len(frames)):
         item = frames[index]
         batch: Batch = {key: value[None] for key, value in item.items() if isinstance(value, Tensor)}  # type: ignore[assignment]
-        prediction: Prediction = {"depth": guess(batch["image"])}
-        found.append(protocol.score(prediction, batch))
-    return {name: float(torch.stack([row[name] for row in found]).mean()) for name in SHOWN}
+        yield {"depth": guess(batch["image"])}, batch
 
 
 def network(path: Path) -> Guess:
@@ -96,10 +107,14 @@ def main() -> None:
     except (DataError, UserError) as error:
         sys.exit(str(error))
     print(f"{len(frames)} frames of {', '.join(given.videos)}\n")
-    print("| | abs_rel, median-scaled | delta1, median-scaled | abs_rel | rmse, mm |\n|---|---|---|---|---|")
+    print("| | abs_rel, median-scaled | delta1, median-scaled | abs_rel | rmse, mm | scale |")
+    print("|---|---|---|---|---|---|")
     for name, guess in rows.items():
         scaled, plain = (scores(frames, guess, scaling) for scaling in ("median", "none"))
-        own = f"{plain['abs_rel']:.3f} | {plain['rmse']:.1f}" if name not in BASELINES else "- | -"
+        own = "- | - | -"
+        if name not in BASELINES:
+            ratios = scales(frames, guess)
+            own = f"{plain['abs_rel']:.3f} | {plain['rmse']:.1f} | {min(ratios):.2f} to {max(ratios):.2f}"
         print(f"| {name} | {scaled['abs_rel']:.3f} | {scaled['delta1']:.3f} | {own} |", flush=True)
 
 

@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from benchmarks.transfer import BASELINES, SIZE, constant, scores
+from benchmarks.transfer import BASELINES, SIZE, constant, scales, scores
 from col3d.data.c3vd import C3VD
 from col3d.data.phantom import PhantomSettings, phantom_camera, render_phantom
 from col3d.data.sized import Resized
@@ -21,6 +21,7 @@ def test_the_truth_has_no_error(frames: Resized) -> None:
     depth = frames[0]["depth"][None].clamp(min=1.0)
     assert scores(frames, lambda _: depth, "none") == {"abs_rel": 0.0, "rmse": 0.0, "delta1": 1.0}
     assert scores(frames, lambda _: 3 * depth, "median")["abs_rel"] == pytest.approx(0, abs=1e-6)
+    assert scales(frames, lambda _: 3 * depth) == pytest.approx([3.0])
 
 
 def test_a_constant_is_brought_to_the_median(frames: Resized) -> None:
