@@ -15,6 +15,7 @@ from col3d.app.config import (
     TrainOptions,
 )
 from col3d.app.errors import check_options
+from col3d.app.scored import Scored
 from col3d.checks import UserError
 from col3d.data.splits import paper_split
 from col3d.models import NETWORKS
@@ -246,6 +247,13 @@ def test_what_cannot_be_drawn_is_refused(overrides: tuple[str, ...], message: st
 def test_colons_are_named_by_their_numbers() -> None:
     found = checked("experiment=sim2real", "data.split.train=${colons:0,1,22,22}").data.split.train
     assert found == ["cecum_t1_a_s0", "cecum_t1_b_s0", "cecum_t1_a_s1"]
+
+
+def test_what_shares_nothing_is_said_in_a_line(capsys: pytest.CaptureFixture[str]) -> None:
+    Scored.after(checked("experiment=sim2real").data, "test").print_audit()
+    assert capsys.readouterr().out.splitlines()[1:] == ["  each of its 22 videos: nothing"]
+    Scored.after(checked("experiment=sim2real", "data.split.test=${colons:0,1}").data, "test").print_audit()
+    assert capsys.readouterr().out.splitlines()[2] == "  cecum_t1_b_s0: the video itself (cecum_t1_b_s0)"
 
 
 @pytest.mark.parametrize("bounds", ["3", "1,2,3", "5,4", "-1,2", "a,2", "1.5,2"])

@@ -42,7 +42,11 @@ class Scored:
             print(f"{self.part} is of {self.source.name}, of which nothing was trained on ({trained} was)")
             return
         print(f"split {self.source.split.name}: what {self.part} shares with training", flush=True)
-        for row in self.shared:
+        rows = self.shared
+        if len(rows) > 1 and {row.worst for row in rows} == {"nothing"}:
+            print(f"  each of its {len(rows)} videos: nothing", flush=True)
+            return
+        for row in rows:
             videos = row.of_video or row.of_surface or row.of_phantom or row.of_texture
             which = f" ({', '.join(videos)})" if videos else ""
             print(f"  {row.video}: {row.worst}{which}", flush=True)
