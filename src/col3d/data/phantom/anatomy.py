@@ -46,7 +46,7 @@ def build_colon(segment: Segment, random: np.random.Generator) -> Colon:
     theta = np.linspace(0, 2 * np.pi, AROUND, endpoint=False)
     base, inward, lean, radius = _tube(segment, centreline, rows, theta, random)
     height = fold_heights(folds, rows, theta)
-    other = bumps(segment, rows, theta, radius, random) + swell(base, random)
+    other = bumps(segment, rows, theta, radius, random) + swell(segment, base, random)
     if segment.pouch:
         other += pouch(rows, theta, segment)
     if segment.wrinkle:

@@ -11,10 +11,8 @@ from col3d.data.phantom.look import Colour, Light, Tissue
 from col3d.data.phantom.noise import random_lattice, smoothstep, value_noise
 from col3d.data.phantom.texture import FineTexture, axis_shares
 
-FILM = 0.45
-"""Size in mm of the ripples of the wet film."""
-THICK, THIN = 14.0, 6.0
-"""Distances in mm over which vessels and capillaries wind."""
+THIN = 3 / 7
+"""Size of the pattern of capillaries over that of vessels."""
 REFERENCE = 20.0
 """Distance in mm at which scattered light is given over the lamps'."""
 
@@ -82,13 +80,15 @@ class Mucosa:
 
     def __init__(self, colon: Colon, tissue: Tissue, random: np.random.Generator) -> None:
         self.tissue = tissue
-        warp = value_noise(colon.vertices, 7.0, random_lattice(random, 3))
-        slow = value_noise(colon.vertices + 3 * warp, 16.0, random_lattice(random, 3))
-        quick = value_noise(colon.vertices + 1.5 * warp, 5.0, random_lattice(random, 1))
-        vessels = _winding_lines(colon, THICK, random), _winding_lines(colon, THIN, random)
+        unit, spacing = tissue.patch_size / 16, tissue.vessel_spacing
+        warp = value_noise(colon.vertices, 7 * unit, random_lattice(random, 3)) * np.float32(unit)
+        slow = value_noise(colon.vertices + 3 * warp, 16 * unit, random_lattice(random, 3))
+        quick = value_noise(colon.vertices + 1.5 * warp, 5 * unit, random_lattice(random, 1))
+        vessels = _winding_lines(colon, spacing, random), _winding_lines(colon, THIN * spacing, random)
         columns = [*vessels, slow[:, :1] + 0.6 * quick, slow[:, 1:], colon.relief[:, None]]
         self.attributes: Float32[np.ndarray, "v 8"] = np.concatenate(columns, axis=1)
-        self._grain, self._film = FineTexture(tissue.grain_size, 3, random), FineTexture(FILM, 3, random)
+        sizes = tissue.grain_size, tissue.film_size
+        self._grain, self._film = (FineTexture(size, 3, random) for size in sizes)
         self._bubbles = _bubbles(colon, tissue, random)
         self._bubble_at = _nearby(colon, self._bubbles)
 
@@ -104,7 +104,8 @@ class Mucosa:
         look, shares = self.tissue, axis_shares(hits.facing)
         grain, film = self._grain(hits.world, shares), self._film(hits.world + 0.3, shares)
         distance = np.sqrt(_dot(hits.points, hits.points))
-        visible = np.clip(FILM / (pixel * distance), 0.25, 1.0)[:, None]  # ripples under a pixel average out
+        of_pixel = look.film_size / (pixel * distance)
+        visible = np.clip(of_pixel, 0.25, 1.0)[:, None]  # ripples under a pixel average out
         bent, rippled = (turned(field, hits.turn.T) for field in (grain, film))  # they are fixed to the wall
         tissue = _unit(hits.normals + 0.5 * look.roughness * bent)
         wet = _unit(tissue + 1.6 * look.roughness * visible * rippled + self._domes(hits))
@@ -120,7 +121,12 @@ class Mucosa:
         look, (patches, tone, density, relief) = self.tissue, attributes[:, 4:].T
         part = smoothstep(0.0, 0.8, patches + 0.15 * grain[:, 0])
         colour = _mix(np.asarray(look.mucosa, np.float32), look.patches, look.patchiness * part)
-        shade = 1 + 0.22 * tone + look.grain * (grain[:, 1] + grain[:, 2]) + 0.02 * np.clip(relief, -3, 6)
+        shade = (
+            1
+            + look.unevenness * tone
+            + look.grain * (grain[:, 1] + grain[:, 2])
+            + 0.02 * np.clip(relief, -3, 6)
+        )
         bare = _mix(
             colour * shade[:, None],
             look.vessels,

@@ -26,6 +26,14 @@ class Tissue:
     grain: float = 0.05
     """How much the tissue's grain changes its reflectance."""
     grain_size: float = 1.7
+    film_size: float = 0.45
+    """Of the ripples of the wet film."""
+    patch_size: float = 16.0
+    """Of the slowest change of colour and brightness."""
+    unevenness: float = 0.22
+    """How much brightness changes at that size, over its mean."""
+    vessel_spacing: float = 14.0
+    """Size of the pattern of vessels."""
     vessel_width: float = 0.45
     """Half the width of the widest vessels; capillaries have half of it."""
     mucus: float = 0.15
@@ -127,8 +135,12 @@ def _varied_tissue(tissue: Tissue, random: np.random.Generator) -> Tissue:
         grain=float(np.exp(random.uniform(-3.5, -1.5))),
         mucus=random.uniform(0.0, 0.25),
         bubbles=int(random.integers(0, 10)),
-        grain_size=1.7 * float(np.exp(random.uniform(-0.4, 0.4))),
-        vessel_width=0.45 * float(np.exp(random.uniform(-0.5, 0.4))),
+        grain_size=1.7 * float(np.exp(random.uniform(-0.9, 0.9))),
+        film_size=0.45 * float(np.exp(random.uniform(-0.7, 1.1))),
+        patch_size=16.0 * float(np.exp(random.uniform(-0.8, 0.6))),
+        unevenness=random.uniform(0.0, 0.3),
+        vessel_spacing=14.0 * float(np.exp(random.uniform(-0.7, 0.5))),
+        vessel_width=0.45 * float(np.exp(random.uniform(-0.7, 0.4))),
         mucus_colour=_varied_colour(tissue.mucus_colour, random),
         bubble_size=random.uniform(0.7, 2.0),
     )

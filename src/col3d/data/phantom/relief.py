@@ -31,7 +31,7 @@ def place_folds(segment: Segment, random: np.random.Generator) -> list[Fold]:
                 towards=towards,
                 reach=segment.fold_reach * random.uniform(0.75, 1.2),
                 height=segment.radius * segment.fold_height * random.uniform(0.6, 1.15),
-                width=random.uniform(1.9, 3.0),
+                width=segment.fold_width * random.uniform(0.776, 1.224),
                 tilt=random.uniform(-3.0, 3.0),
             )
         )
@@ -76,12 +76,12 @@ def bumps(
     return total
 
 
-def swell(base: np.ndarray, random: np.random.Generator) -> Float[np.ndarray, "n k"]:
+def swell(segment: Segment, base: np.ndarray, random: np.random.Generator) -> Float[np.ndarray, "n k"]:
     """Soft unevenness of the whole wall at two scales."""
     points = base.reshape(-1, 3)
-    coarse = value_noise(points, 14.0, random_lattice(random, 1))
-    fine = value_noise(points, 4.5, random_lattice(random, 1))
-    return (1.3 * coarse + 0.18 * fine).astype(np.float64).reshape(base.shape[:2])
+    coarse = value_noise(points, segment.swell_size, random_lattice(random, 1))
+    fine = value_noise(points, 0.32 * segment.swell_size, random_lattice(random, 1))
+    return segment.swell * (coarse + 0.14 * fine).astype(np.float64).reshape(base.shape[:2])
 
 
 def wrinkles(

@@ -38,6 +38,11 @@ class Segment:
     arm_sharpness: int = 6
     flatness: float = 0.75
     """Length of the closed ends over their radius."""
+    fold_width: float = 2.45
+    """Mean standard deviation in mm of a fold's profile along the tube."""
+    swell: float = 1.3
+    """Height in mm of the soft unevenness of the wall."""
+    swell_size: float = 14.0
 
     def varied(self, random: np.random.Generator) -> "Segment":
         """A relative, as patients and moulds differ: calibre, cross-section, bends, folds, rings and ends."""
@@ -56,6 +61,9 @@ class Segment:
             arm=random.uniform(1.5, 7.0),
             arm_sharpness=int(random.choice([2, 4, 6, 8])),
             flatness=random.uniform(0.35, 1.1),
+            fold_width=self.fold_width * float(np.exp(random.uniform(-0.4, 0.5))),
+            swell=random.uniform(0.4, 2.2),
+            swell_size=self.swell_size * float(np.exp(random.uniform(-0.4, 0.4))),
         )
         sharpest = drawn.bend_length / (2 * np.pi * TIGHTEST * drawn.radius)
         return replace(drawn, bend=min(drawn.bend, sharpest))
