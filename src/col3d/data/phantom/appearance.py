@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
+import cv2
 import numpy as np
 from jaxtyping import Float, Float32
 
@@ -106,7 +107,8 @@ class Mucosa:
         distance = np.sqrt(_dot(hits.points, hits.points))
         of_pixel = look.film_size / (pixel * distance)
         visible = np.clip(of_pixel, 0.25, 1.0)[:, None]  # ripples under a pixel average out
-        bent, rippled = (turned(field, hits.turn.T) for field in (grain, film))  # they are fixed to the wall
+        to_camera = np.ascontiguousarray(hits.turn.T)  # grain and film are fixed to the wall
+        bent, rippled = (cv2.transform(field[None], to_camera)[0] for field in (grain, film))
         tissue = _unit(hits.normals + 0.5 * look.roughness * bent)
         wet = _unit(tissue + 1.6 * look.roughness * visible * rippled + self._domes(hits))
         diffuse, shine = _lamplight(hits.points, tissue, wet, distance, light, lit, look)
