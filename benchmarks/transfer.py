@@ -10,7 +10,7 @@ distance from the image's middle. They have no scale of their own.
 
 import argparse
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import torch
@@ -28,6 +28,7 @@ SIZE = (128, 160)
 DISPLAY_GAMMA = 2.2
 SHOWN = ("abs_rel", "rmse", "delta1")
 Guess = Callable[[Float[Tensor, "1 3 h w"]], Float[Tensor, "1 1 h w"]]
+Guessed = tuple[Prediction, Batch]
 
 
 def constant(image: Float[Tensor, "1 3 h w"]) -> Float[Tensor, "1 1 h w"]:
@@ -56,25 +57,27 @@ BASELINES: Mapping[str, Guess] = {
 }
 
 
-def scores(frames: Resized, guess: Guess, scaling: str) -> dict[str, float]:
+def scores(said: Sequence[Guessed], scaling: str) -> dict[str, float]:
     """Means over frames."""
     protocol = Protocol(scaling=scaling)
-    found = [protocol.score(prediction, batch) for prediction, batch in guessed(frames, guess)]
+    found = [protocol.score(prediction, batch) for prediction, batch in said]
     return {name: float(torch.stack([row[name] for row in found]).mean()) for name in SHOWN}
 
 
-def scales(frames: Resized, guess: Guess) -> list[float]:
+def scales(said: Sequence[Guessed]) -> list[float]:
     """For each frame the median of the guess over that of the truth, where there is truth."""
-    pairs = [(said["depth"], batch["depth"], batch["mask"]) for said, batch in guessed(frames, guess)]
+    pairs = [(prediction["depth"], batch["depth"], batch["mask"]) for prediction, batch in said]
     return [float(depth[mask].median() / truth[mask].median()) for depth, truth, mask in pairs]
 
 
-def guessed(frames: Resized, guess: Guess) -> Iterator[tuple[Prediction, Batch]]:
-    """Each frame as a batch of one, behind what is guessed of it."""
+def guessed(frames: Resized, guess: Guess) -> list[Guessed]:
+    """What is guessed of each frame, before the frame as a batch of one."""
+    said: list[Guessed] = []
     for index in range(len(frames)):
         item = frames[index]
         batch: Batch = {key: value[None] for key, value in item.items() if isinstance(value, Tensor)}  # type: ignore[assignment]
-        yield {"depth": guess(batch["image"])}, batch
+        said.append(({"depth": guess(batch["image"])}, batch))
+    return said
 
 
 def network(path: Path) -> Guess:
@@ -110,10 +113,11 @@ def main() -> None:
     print("| | abs_rel, median-scaled | delta1, median-scaled | abs_rel | rmse, mm | scale |")
     print("|---|---|---|---|---|---|")
     for name, guess in rows.items():
-        scaled, plain = (scores(frames, guess, scaling) for scaling in ("median", "none"))
+        said = guessed(frames, guess)
+        scaled, plain = (scores(said, scaling) for scaling in ("median", "none"))
         own = "- | - | -"
         if name not in BASELINES:
-            ratios = scales(frames, guess)
+            ratios = scales(said)
             own = f"{plain['abs_rel']:.3f} | {plain['rmse']:.1f} | {min(ratios):.2f} to {max(ratios):.2f}"
         print(f"| {name} | {scaled['abs_rel']:.3f} | {scaled['delta1']:.3f} | {own} |", flush=True)
 

@@ -9,29 +9,20 @@ import torch
 from test_launch import call
 from tiny_run import composed, real_frames
 
+from benchmarks.transfer import SIZE, Guessed, guessed, network, scores
 from col3d.app.export import export
 from col3d.app.learnt import SHIPPED, learnt
 from col3d.checks import UserError
 from col3d.data.c3vd import C3VD
 from col3d.data.phantom import PARTS, PhantomSettings, phantom_camera, render_phantom
 from col3d.data.sized import Resized
-from col3d.metrics.protocol import Protocol
 
 LARGEST = 3_000_000
 """Bytes."""
-SIZE = (128, 160)
 
 
-def scores(frames: Resized, scaling: str) -> dict[str, float]:
-    """Means over frames."""
-    network = learnt(Path(SHIPPED)).network
-    found = []
-    for index in range(len(frames)):
-        batch = {key: value[None] for key, value in frames[index].items() if isinstance(value, torch.Tensor)}
-        with torch.inference_mode():
-            prediction = network(batch["image"], None)
-        found.append(Protocol(scaling=scaling).score(prediction, batch))  # type: ignore[arg-type]
-    return {name: float(torch.stack([row[name] for row in found]).mean()) for name in ("abs_rel", "delta1")}
+def shipped_on(frames: Resized) -> list[Guessed]:
+    return guessed(frames, network(Path(SHIPPED)))
 
 
 def test_it_is_small_and_of_no_machine() -> None:
@@ -52,7 +43,8 @@ def test_it_reads_colons_that_it_has_not_seen(tmp_path: Path) -> None:
     settings = PhantomSettings((135, 169), 3, randomise=PARTS, videos=videos)
     render_phantom(tmp_path / "phantom", settings, workers=1, progress=False)
     camera = phantom_camera(settings)
-    found = scores(Resized(C3VD(tmp_path / "phantom", videos, normals="none", camera=camera), SIZE), "median")
+    frames = Resized(C3VD(tmp_path / "phantom", videos, normals="none", camera=camera), SIZE)
+    found = scores(shipped_on(frames), "median")
     assert found["abs_rel"] < 0.25
 
 
@@ -64,7 +56,8 @@ def test_it_reads_real_frames_as_well_as_the_page_says(
     video: str, abs_rel: float, delta1: float, unscaled: float
 ) -> None:
     frames = Resized(C3VD(real_frames("sample_current"), [video], normals="none"), SIZE)
-    scaled, plain = scores(frames, "median"), scores(frames, "none")
+    said = shipped_on(frames)
+    scaled, plain = (scores(said, scaling) for scaling in ("median", "none"))
     assert scaled["abs_rel"] == pytest.approx(abs_rel, abs=2e-3)
     assert scaled["delta1"] == pytest.approx(delta1, abs=5e-3)
     assert plain["abs_rel"] == pytest.approx(unscaled, abs=4e-3)

@@ -249,5 +249,5 @@ def facing_rays(
     normals = normals / np.linalg.norm(normals, axis=-1, keepdims=True)
     along = np.einsum("ni,ni->n", normals, rays)[:, None]
     excess = np.clip(along + GRAZING, 0, None)
-    turned = normals - excess * rays
-    return turned / np.linalg.norm(turned, axis=-1, keepdims=True)
+    facing = normals - excess * rays
+    return facing / np.linalg.norm(facing, axis=-1, keepdims=True)
