@@ -13,7 +13,7 @@ import numpy as np
 from col3d.data.phantom import PARTS, PhantomSettings
 from col3d.data.phantom.render import FULL_CODE, MAX_FLOW, Frame
 from col3d.data.phantom.write import scene_of
-from col3d.data.splits import seeded_videos
+from col3d.data.videos import seeded_videos
 
 mpl.use("agg")
 from matplotlib import pyplot as plt

@@ -38,7 +38,7 @@ def size_of(preset: str | None, data: str) -> Any:
 
 def colons(*bounds: Any) -> list[str]:
     """Names of a phantom's videos with their seeds, from a first number to a last, for each two bounds."""
-    from col3d.data.splits import seeded_videos
+    from col3d.data.videos import seeded_videos
 
     pairs = list(zip(bounds[::2], bounds[1::2], strict=False))
     whole = all(type(bound) is int for bound in bounds) and len(bounds) % 2 == 0

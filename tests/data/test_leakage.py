@@ -7,7 +7,8 @@ import yaml
 
 from col3d.checks import DataError
 from col3d.data.leakage import shared_with_training
-from col3d.data.splits import describe, leave_out, paper_split, video_table
+from col3d.data.splits import leave_out, paper_split
+from col3d.data.videos import describe, video_table
 
 SPLITS = Path(__file__).parents[2] / "conf" / "data" / "split"
 FOLDS = [(kind, value) for kind, of_video in (("segment", 0), ("texture", 1)) for value in

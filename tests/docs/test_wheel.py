@@ -18,7 +18,7 @@ names = [module.name for module in pkgutil.walk_packages(col3d.__path__, "col3d.
 for name in names:
     if not name.endswith("__main__"):
         __import__(name)
-from col3d.data.splits import video_table
+from col3d.data.videos import video_table
 from col3d.reports.paper_tables import *
 print(col3d.__file__, len(names), len(video_table()))
 """

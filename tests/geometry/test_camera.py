@@ -26,11 +26,11 @@ OMNIDIRECTIONAL = {
     ),
     "omnidirectional_v2": (
         [677.739464094188, 543.057997844875],
-        (1.0, 0.0, 0.0),
+        (0.9999, 1.10e-4, -1.83e-4),
         *(767.733695862103, -0.000592506426558248, -2.69440266600040e-07, -2.16380341010063e-10),
     ),
 }
-"""Centre; c, d, e of the stretch; a0, a2, a3, a4: the published calibrations."""
+"""Centre; c, d, e of the stretch [[c, e], [d, 1]]; a0, a2, a3, a4: the published calibrations."""
 CHAINS: dict[str, list[tuple[str, tuple[float, ...]]]] = {
     "as it is": [],
     "resized": [("resized", (320, 320))],
@@ -93,7 +93,7 @@ def rays_twin(kind: str, pixels: np.ndarray) -> np.ndarray:
         )
     else:
         centre, (c, d, e), a0, a2, a3, a4 = OMNIDIRECTIONAL[kind]
-        x, y = np.linalg.solve(np.array([[c, d], [e, 1.0]]), (pixels - centre).T)
+        x, y = np.linalg.solve(np.array([[c, e], [d, 1.0]]), (pixels - centre).T)
         r = np.hypot(x, y)
         rays = np.stack([x, y, a0 + a2 * r**2 + a3 * r**3 + a4 * r**4], axis=1)
     unit_rays: np.ndarray = rays / np.linalg.norm(rays, axis=1, keepdims=True)

@@ -15,8 +15,9 @@ from col3d.data.frames import FrameSet
 from col3d.data.phantom import PARTS, PhantomSettings, phantom_camera, render_phantom
 from col3d.data.simcol3d import SimCol3D
 from col3d.data.sized import Joined, Resized, SizedFrames, WithMixedTruth
-from col3d.data.splits import SPLITS, check_counts, expand, paper_split, parse_selection, video_table
+from col3d.data.splits import SPLITS, check_counts, expand, paper_split, parse_selection
 from col3d.data.transforms import Augment
+from col3d.data.videos import video_table
 
 
 def settled(data: DataOptions, phantom: PhantomOptions) -> DataOptions:

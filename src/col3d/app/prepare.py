@@ -18,9 +18,10 @@ from col3d.data.frames import FrameSet
 from col3d.data.phantom import render_phantom
 from col3d.data.processes import in_processes, remove_stale
 from col3d.data.sized import Resized
-from col3d.data.splits import SPLITS, expand, parse_selection, seeded_name, video_table
+from col3d.data.splits import SPLITS, expand, parse_selection
 from col3d.data.store import Recipe, read_video, write_video
 from col3d.data.store.index import shapes
+from col3d.data.videos import seeded_name, video_table
 
 INTERRUPTED = 130
 NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)

@@ -10,7 +10,7 @@ from lightning.pytorch.loggers import Logger, WandbLogger
 from col3d.app.provenance import provenance
 from col3d.app.scored import Scored
 from col3d.callbacks import ImagePanels, PerFrameTable
-from col3d.data.splits import describe
+from col3d.data.videos import describe
 from col3d.reports.per_frame import means
 from col3d.reports.run_page import PAGE, write_run_page
 from col3d.reports.summary import print_summary, summarise, write_json

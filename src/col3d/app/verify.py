@@ -17,15 +17,18 @@ from col3d.checks import DataError, UserError
 from col3d.data.frames import Frame, FrameSet
 from col3d.data.phantom.write import read_manifest
 from col3d.data.processes import in_processes
-from col3d.data.splits import FRAMES_BEFORE_2023_05, expand, selection_of_any_video, video_table
+from col3d.data.release import RELEASES
+from col3d.data.splits import expand, selection_of_any_video
 from col3d.data.verify import (
     Asked,
     Finding,
     FrameReport,
+    LensReport,
     Plan,
     VideoReport,
-    check_chunk,
+    check,
     conclude,
+    conclude_lens,
     duplicates,
     frames_to_show,
     plan_video,
@@ -33,6 +36,7 @@ from col3d.data.verify import (
     thumbnail,
 )
 from col3d.data.verify.stores import check_store, stores_beside
+from col3d.data.videos import catalogue, frames_of
 from col3d.reports.summary import write_json
 from col3d.reports.verification import Picture, print_verification, write_page
 
@@ -65,11 +69,13 @@ def _verify(options: VerifyOptions) -> int:
     _check_phantom(source, options.phantom, frames.folders)
     findings = _missing(source, frames.folders)
     plans, skipped = _plans(source, frames, options.fast)
-    reports = _reports(frames, plans, options.workers)
+    reports, lenses = _reports(frames, plans, options.workers)
     videos = {
         name: conclude(frames, plan, reports[name], _asked(source, options.phantom, name))
         for name, plan in plans.items()
     }
+    for name, report in lenses.items():
+        conclude_lens(videos[name], report)
     every = list(chain.from_iterable(reports.values()))
     duplicates(videos, plans, every)
     of_videos = chain.from_iterable(video.findings for video in videos.values())
@@ -121,26 +127,32 @@ def _plans(source: SourceOptions, frames: FrameSet, fast: bool) -> tuple[dict[st
 
 def _reports(
     frames: FrameSet, plans: Mapping[str, Plan], workers: int | None
-) -> dict[str, list[FrameReport]]:
-    """Every frame of every video, checked."""
-    jobs = [(frames, chunk) for plan in plans.values() for chunk in plan.chunks]
+) -> tuple[dict[str, list[FrameReport]], dict[str, LensReport]]:
+    """Every frame of every video, checked, and what fits the lens of each."""
+    parts = [part for plan in plans.values() for part in (*plan.chunks, plan)]
     total = sum(len(plan.frames) for plan in plans.values())
     reports: dict[str, list[FrameReport]] = {video: [] for video in plans}
-    for report in chain.from_iterable(in_processes(check_chunk, jobs, "verify", total, workers)):
-        reports[report.video].append(report)
-    return reports
+    lenses: dict[str, LensReport] = {}
+    found = in_processes(check, [(frames, part) for part in parts], "verify", total, workers)
+    for part, result in zip(parts, found, strict=True):
+        if isinstance(part, Plan):
+            lenses[part.video] = result
+        for report in [] if isinstance(part, Plan) else result:
+            reports[report.video].append(report)
+    return reports, lenses
 
 
 def _asked(source: SourceOptions, phantom: PhantomOptions, video: str) -> Asked:
-    """What a video should be: C3VD's are in the table, a phantom's in its options."""
-    row = video_table().get(video)
+    """What a video should be: those of the data sets are in the table, a phantom's in its options."""
+    row = catalogue().get(video)
+    listed = row is not None and row.data == source.name
     counts: dict[str, int] = {}
-    if source.name == "c3vd" and row is not None:
-        counts = {"current": row.frames, "pre_2023_05": FRAMES_BEFORE_2023_05.get(video, row.frames)}
-    elif source.name == "phantom":
-        counts = dict.fromkeys(("current", "pre_2023_05"), phantom.frames_per_video)
+    if source.name == "phantom":
+        counts = dict.fromkeys(RELEASES, phantom.frames_per_video)
+    elif listed:
+        counts = {release: frames_of(video, release) or 0 for release in RELEASES}
     release = source.release if source.normals == "stored" else "auto"
-    has_poses = source.name == "phantom" or (source.name == "c3vd" and row is not None)
+    has_poses = source.name == "phantom" or listed
     return Asked(counts, exactly=not source.allow_missing, release=release, poses=has_poses)
 
 

@@ -9,10 +9,11 @@ References:
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Shaped
+from jaxtyping import Bool, Float32, Shaped, UInt16
 from torch import Tensor
 
 from col3d.checks import DataError, check_known
@@ -28,10 +29,15 @@ from col3d.data.release import (
     disagreement,
     house_normals,
 )
+from col3d.data.splits import selection_of_any_video
+from col3d.data.videos import canonical_name, catalogue
 from col3d.geometry import Camera, OmnidirectionalCamera
 
 MAX_DEPTH = 100.0
 """Depth in mm of the highest code, which also stands for everything beyond."""
+MAX_FLOW = 20.0
+"""Motion in pixels of the highest code, likewise."""
+OCCLUSIONS = ("occlusions/{}_occlusion.tiff", "occlusions/{}_occlusion.png", "occlusion/{}_occlusion.png")
 
 
 class C3VD(FrameSet):
@@ -47,6 +53,7 @@ class C3VD(FrameSet):
             depth, or by the names of its files where it has none.
         normals: `stored` reads them, `derived` computes them from the depth, `none` leaves them out.
         camera: lens and size of the stored frames; C3VD's own at 1080 x 1350 when absent.
+        truth: depth is needed; without it, images and poses are all that is looked for.
 
     Raises:
         DataError: names the file or video, the rule and what came.
@@ -54,14 +61,16 @@ class C3VD(FrameSet):
     """
 
     kinds: Mapping[str, Kind] = {
-        "color": Kind("{}_color.png", 3, 8),
-        "depth": Kind("{}_depth.tiff", 1, 16),
-        "normals": Kind("{}_normals.tiff", 3, 16),
-        "occlusion": Kind("{}_occlusion.png", 1, 8),
-        "flow": Kind("{}_flow.tiff", 3, 16),
+        "color": Kind("{}_color.png", 3, 8, ("rgb/{}.png",)),
+        "depth": Kind("{}_depth.tiff", 1, 16, ("depth/{}_depth.tiff",)),
+        "normals": Kind("{}_normals.tiff", 3, 16, ("normals/{}_normals.tiff",)),
+        "occlusion": Kind("{}_occlusion.png", 1, 8, OCCLUSIONS),
+        "flow": Kind("{}_flow.tiff", 3, 16, ("optical_flow/{}_flow.tiff",)),
     }
-    example = "NNNN_color.png with NNNN_depth.tiff"
+    example = "NNNN_color.png with NNNN_depth.tiff, or rgb/NNNN.png with depth/NNNN_depth.tiff"
     max_depth = MAX_DEPTH
+    data: ClassVar[str] = "c3vd"
+    """Its name in the table of videos."""
 
     def __init__(
         self,
@@ -70,11 +79,13 @@ class C3VD(FrameSet):
         release: str = "auto",
         normals: str = "stored",
         camera: Camera | None = None,
+        truth: bool = True,
     ) -> None:
         check_known("data.release", release, ("auto", *RELEASES))
+        self.with_truth = truth
         super().__init__(root, videos, camera or self.lens(), normals)
         self.releases = {}
-        for video in dict.fromkeys(frame.video for frame in self.frames):
+        for video in dict.fromkeys(frame.video for frame in self.frames if "depth" in frame.files):
             self.releases[video] = self._release_of([f for f in self.frames if f.video == video], release)
 
     @staticmethod
@@ -82,17 +93,82 @@ class C3VD(FrameSet):
         """The camera of the data set at the size of its frames."""
         return OmnidirectionalCamera.c3vd()
 
+    @property
+    def calibrated(self) -> Camera:
+        """The data set's own lens, if the frames were seen through it at whatever size."""
+        lens = self.lens()
+        return lens if lens.resized(self.camera.size_hw) == self.camera else self.camera
+
+    @classmethod
+    def video_folders(cls, root: Path) -> dict[str, Path]:
+        """The folder of each video by its name here, whichever of its names the folder has.
+
+        Raises:
+            DataError: there is no such root, or two folders are of one video.
+        """
+        found: dict[str, Path] = {}
+        for name, folder in super().video_folders(root).items():
+            first = found.setdefault(canonical_name(name), folder)
+            if first != folder:
+                raise DataError(f"{folder}: the same video as {first.name}; keep one of them")
+        return {video: _unwrapped(folder) for video, folder in found.items()}
+
+    def needed(self, video: str = "") -> list[str]:
+        """Kinds of files that are read; of a video that is known to have no truth, those that it has."""
+        row = catalogue().get(video)
+        return super().needed(video) if self.with_truth and (row is None or row.has_truth) else ["color"]
+
+    def find(self, entry: str) -> list[Frame]:
+        """The frames of an entry of a split, with the files that are needed.
+
+        Raises:
+            DataError: there is no such video, it belongs to another data set or has no truth where that is
+                needed, a frame lacks a file, or was chosen before.
+        """
+        row = catalogue().get(selection_of_any_video(entry).video)
+        if row is not None and row.data != self.data:
+            raise DataError(
+                f"split entry {entry!r}: {row.released_as} is a video of {row.data}, which another lens "
+                f"saw; take data={row.data}, or add it by data.also"
+            )
+        if row is not None and self.with_truth and not row.has_truth:
+            raise DataError(
+                f"split entry {entry!r}: {row.name} is a {row.kind} video, which has images and poses but no "
+                "depth; predict.py and fuse.py take it"
+            )
+        return super().find(entry)
+
     def occlusion(self, index: int) -> Tensor | None:
         """Where another surface lies behind the seen one within 100 mm: (1, h, w) bool, or None without file.
 
         Raises:
             DataError: the file is not what it should be.
         """
-        frame = self.frames[index]
-        path = self.root / frame.video / self.kinds["occlusion"].named(frame.number)
-        if not path.is_file():
+        path = self._beside(index, "occlusion")
+        if path is None:
             return None
         return torch.from_numpy(read_grey(path, self.camera.size_hw, np.uint8) > 0)[None]
+
+    def flow(self, index: int) -> tuple[Tensor, Tensor] | None:
+        """Where each pixel was in the frame before: (2, h, w) in pixels, and where that is known (1, h, w).
+
+        Pixel there minus pixel here, x first. None without file, as of the first frame.
+
+        Raises:
+            DataError: the file is not what it should be.
+        """
+        path = self._beside(index, "flow")
+        if path is None:
+            return None
+        pixels, known = decoded_flow(read_rgb(path, self.camera.size_hw, np.uint16))
+        return torch.from_numpy(pixels).permute(2, 0, 1), torch.from_numpy(known)[None]
+
+    def _beside(self, index: int, kind: str) -> Path | None:
+        """A file of a frame that nothing needs, where it is there."""
+        frame = self.frames[index]
+        folder = self.folders[frame.video]
+        path = folder / self.kinds[kind].named(frame.number, folder)
+        return path if path.is_file() else None
 
     def poses(self, video: str) -> Tensor:
         """Camera-to-world matrices of a whole video, (n, 4, 4) float64 in mm; line k belongs to frame k.
@@ -100,7 +176,7 @@ class C3VD(FrameSet):
         Raises:
             DataError: pose.txt is missing or malformed.
         """
-        path = self.root / video / "pose.txt"
+        path = self.folders[video] / "pose.txt"
         try:
             lines = path.read_text(encoding="utf-8").rstrip().splitlines()
             rows = [[float(number) for number in line.split(",")] for line in lines]
@@ -116,7 +192,11 @@ class C3VD(FrameSet):
             raise DataError(f"{path}: expected lines of 16 comma-separated numbers ({error})") from None
 
     def decoded_depth(self, codes: Shaped[np.ndarray, "h w"]) -> Depth:
-        """Depth by its codes, of all pixels or of some, as they are stored."""
+        """Depth by its codes, of all pixels or of some, as they are stored.
+
+        The renderer cuts codes, so that depth is in [v, v + 1) steps of 0.0015 mm; v itself is read, as the
+        data set's own page says, which is half a step too near on average.
+        """
         mm = codes.astype(np.float32) * np.float32(MAX_DEPTH / FULL_CODE)
         return Depth(mm, (codes > 0) & (codes < FULL_CODE))
 
@@ -147,20 +227,34 @@ class C3VD(FrameSet):
 
 
 class C3VDv2(C3VD):
-    """The videos of C3VDv2: another lens, and a folder for each kind of file; else as `C3VD`."""
+    """The videos of C3VDv2: another lens; else as `C3VD`."""
 
-    kinds: Mapping[str, Kind] = {
-        "color": Kind("rgb/{}.png", 3, 8),
-        "depth": Kind("depth/{}_depth.tiff", 1, 16),
-        "normals": Kind("normals/{}_normals.tiff", 3, 16),
-        "occlusion": Kind("occlusion/{}_occlusion.png", 1, 8),
-    }
-    example = "rgb/NNNN.png with depth/NNNN_depth.tiff"
+    data = "c3vdv2"
 
     @staticmethod
     def lens() -> Camera:
         """The camera of the data set at the size of its frames."""
         return OmnidirectionalCamera.c3vdv2()
+
+
+def decoded_flow(
+    codes: UInt16[np.ndarray, "h w 3"],
+) -> tuple[Float32[np.ndarray, "h w 2"], Bool[np.ndarray, "h w"]]:
+    """Motion in pixels by its codes, and where it is known: not where a code is 0 or the highest.
+
+    Code 0 stands for a point that the frame before does not show; motion beyond 20 pixels is clamped to
+    either end.
+    """
+    two = codes[..., :2]
+    pixels = two.astype(np.float32) * np.float32(2 * MAX_FLOW / FULL_CODE) - np.float32(MAX_FLOW)
+    known: np.ndarray = ((two > 0) & (two < FULL_CODE)).all(axis=-1)
+    return pixels, known
+
+
+def _unwrapped(folder: Path) -> Path:
+    """A folder, or the one of the same name that an archive wrapped in it."""
+    inner = folder / folder.name
+    return inner if inner.is_dir() and not any(folder.glob("[!.]*.*")) else folder
 
 
 def _agreed(path: Path, angles: Mapping[str, float], release: str) -> str:

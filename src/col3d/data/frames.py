@@ -2,7 +2,7 @@
 
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -16,7 +16,8 @@ from torch.utils.data import Dataset
 
 from col3d.checks import DataError, check_known
 from col3d.data.files import check_header, read_any, read_colour, read_grey, read_rgb
-from col3d.data.splits import Selection, parse_selection
+from col3d.data.splits import Selection, check_end, parse_selection
+from col3d.data.videos import frames_of
 from col3d.geometry import Camera, normals_from_depth
 
 NORMALS = ("stored", "derived", "none")
@@ -46,18 +47,22 @@ class Kind:
         name: path in the video's folder, with {} for the number of the frame.
         channels: of its pixels; None where any number will do.
         bits: of each channel; None likewise.
+        others: paths by which it may go instead, in another layout.
     """
 
     name: str
     channels: int | None
     bits: int | None
+    others: tuple[str, ...] = ()
 
-    def named(self, number: int) -> str:
-        """The path for a frame, padded to four digits."""
-        return self.name.format(f"{number:04d}")
+    def named(self, number: int | str, folder: Path | None = None) -> str:
+        """The path for a frame, its number padded to four digits, in the layout of a folder if one is given."""
+        there = (name for name in (self.name, *self.others) if folder is not None and _some(folder, name))
+        number = number if isinstance(number, str) else f"{number:04d}"
+        return next(there, self.name).format(number)
 
     def find(self, folder: Path, twice: Callable[[int, str], None] = _refuse) -> dict[int, Path]:
-        """Files by frame number, whether the number in their name is padded or not.
+        """Files by frame number, in any layout, whether the number in their name is padded or not.
 
         Args:
             folder: of the video.
@@ -66,17 +71,27 @@ class Kind:
         Raises:
             DataError: two files have the same number, unless `twice` takes it.
         """
-        place = folder / Path(self.name).parent
-        before, after = (re.escape(part) for part in Path(self.name).name.split("{}"))
-        pattern = re.compile(rf"{before}(\d+){after}")
         found: dict[int, Path] = {}
-        for path in sorted(place.iterdir()) if place.is_dir() else ():
-            if match := pattern.fullmatch(path.name):
-                number = int(match.group(1))
-                first = found.setdefault(number, path)
-                if first != path:
-                    twice(number, f"{path}: the same frame as {first.name}; keep one of them")
+        for number, path in (file for name in (self.name, *self.others) for file in _files(folder, name)):
+            first = found.setdefault(number, path)
+            if first != path:
+                named = first.relative_to(folder).as_posix()
+                twice(number, f"{path}: the same frame as {named}; keep one of them")
         return found
+
+
+def _files(folder: Path, name: str) -> Iterator[tuple[int, Path]]:
+    """Files of a name with {} for their number, which they are given with."""
+    place = folder / Path(name).parent
+    before, after = (re.escape(part) for part in Path(name).name.split("{}"))
+    pattern = re.compile(rf"{before}(\d+){after}")
+    for path in sorted(place.iterdir()) if place.is_dir() else ():
+        if match := pattern.fullmatch(path.name):
+            yield int(match.group(1)), path
+
+
+def _some(folder: Path, name: str) -> bool:
+    return next(_files(folder, name), None) is not None
 
 
 @dataclass(frozen=True)
@@ -162,9 +177,18 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
         """
         return self.video_folders(self.root)
 
-    def needed(self) -> list[str]:
-        """Kinds of files that are read."""
+    @property
+    def calibrated(self) -> Camera:
+        """The camera at the size that it was calibrated at."""
+        return self.camera
+
+    def needed(self, video: str = "") -> list[str]:
+        """Kinds of files that are read; of a video that is known to have no truth, those that it has."""
         return ["color", "depth", *(["normals"] if self.normals == "stored" else [])]
+
+    def renamed(self) -> dict[str, str]:
+        """Videos that lie in folders of other names: the name here -> the name of the folder."""
+        return {video: folder.name for video, folder in self.folders.items() if video != folder.name}
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -247,7 +271,7 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
             raise DataError(
                 f"{self.root / selection.video}: no such video; copy it there or leave it out of data.split"
             )
-        frames = find_frames(folder, selection, self.kinds, self.needed(), self.example)
+        frames = find_frames(folder, selection, self.kinds, self.needed(selection.video), self.example)
         if twice := {frame.number for frame in frames} & self._numbers(selection.video):
             raise DataError(
                 f"split entry {entry!r}: frame {min(twice)} of {selection.video} is chosen already"
@@ -260,10 +284,8 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
         Raises:
             DataError: names the file.
         """
-        for kind in self.needed():
-            check_header(
-                frame.files[kind], self.camera.size_hw, self.kinds[kind].channels, self.kinds[kind].bits
-            )
+        for kind, path in frame.files.items():
+            check_header(path, self.camera.size_hw, self.kinds[kind].channels, self.kinds[kind].bits)
 
     def _numbers(self, video: str) -> set[int]:
         return {frame.number for frame in self.frames if frame.video == video}
@@ -279,17 +301,21 @@ def find_frames(
     """Frames of a video by number, each with its files of the kinds that are needed.
 
     Raises:
-        DataError: there is no frame, or a frame lacks a file.
+        DataError: there is no frame, a frame lacks a file, or the range goes beyond the end of the video.
     """
     found = {kind: kinds[kind].find(folder) for kind in needed}
-    chosen = sorted(n for n in found["color"].keys() | found["depth"].keys() if n in selection)
+    there = found["color"].keys() | found.get("depth", {}).keys()
+    if there:
+        check_end(selection, max(*there, (frames_of(selection.video) or 0) - 1))
+    chosen = sorted(number for number in there if number in selection)
     if not chosen:
         raise DataError(f"{folder}: no frames {example} for {selection} in it")
     for kind in needed:
         for number in chosen:
             if number not in found[kind]:
                 hint = "; data.normals=derived computes them from the depth" if kind == "normals" else ""
-                raise DataError(f"{folder}: frame {number} has no {kinds[kind].named(number)}{hint}")
+                name = kinds[kind].named(number, folder)
+                raise DataError(f"{folder}: frame {number} has no {name}{hint}")
     return [Frame(selection.video, n, {kind: found[kind][n] for kind in needed}) for n in chosen]
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from PIL import Image
 
 from col3d.checks import DataError
-from col3d.data.c3vd import C3VD, C3VDv2
+from col3d.data.c3vd import C3VD
 
 IMAGE_ENDINGS = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
 VIDEO_ENDINGS = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".wmv", ".ogv")
@@ -157,9 +157,8 @@ def read_image(path: Path) -> np.ndarray:
 
 def _folder(path: Path) -> ImageSource:
     """A video of C3VD or C3VDv2 by the names of its files, else all images in the folder."""
-    for release in (C3VD, C3VDv2):
-        if files := release.kinds["color"].find(path):
-            return ImageFiles(path.name, dict(sorted(files.items())), is_video=True)
+    if files := C3VD.kinds["color"].find(path):
+        return ImageFiles(path.name, dict(sorted(files.items())), is_video=True)
     images = _images(list(path.iterdir()))
     if not images:
         raise DataError(f"input: {path} holds no image ({', '.join(IMAGE_ENDINGS)}) and no video of C3VD")

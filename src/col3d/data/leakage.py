@@ -3,15 +3,16 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from col3d.data.splits import describe, seeded_name, selection_of_any_video
+from col3d.data.splits import selection_of_any_video
+from col3d.data.videos import described, seeded_name
 
 
 @dataclass(frozen=True)
 class Shared:
     """One test video, and which training videos share what with it.
 
-    C3VD's videos are of four phantoms, one for each segment, each with some of four textures. Two videos of
-    one phantom and texture show the very same surface.
+    C3VD's videos are of four phantoms, one for each segment, each with some of four textures; C3VDv2's are of
+    two colons of seven and eight segments. Two videos of one phantom and texture show the very same surface.
     """
 
     video: str
@@ -45,15 +46,19 @@ def shared_with_training(train: Sequence[str], test: Sequence[str]) -> list[Shar
 
 
 def _shared(video: str, seen: Sequence[str]) -> Shared:
-    segment, texture = describe(video)
-    itself = seeded_name(video, 0)  # rendered videos of other seeds share neither wall nor way
+    itself, row = seeded_name(video, 0), described(video)
     others = [other for other in seen if seeded_name(other, 0) != itself]
-    known = [o for o in others if segment and describe(o)[0] and seeded_name(o, 0)[1] == itself[1]]
-    alike = {other: (describe(other)[0] == segment, describe(other)[1] == texture) for other in known}
+    alike: dict[str, tuple[bool, bool]] = {}
+    for other in others:
+        theirs = described(other)
+        # rendered videos of other seeds share neither wall nor way
+        if row is not None and theirs is not None and seeded_name(other, 0)[1] == itself[1]:
+            same_phantom = (theirs.colon, theirs.segment) == (row.colon, row.segment)
+            alike[other] = (same_phantom, theirs.texture == row.texture)
     return Shared(
         video,
         tuple(other for other in seen if other not in others),
-        tuple(other for other in known if alike[other] == (True, True)),
-        tuple(other for other in known if alike[other][0]),
-        tuple(other for other in known if alike[other][1]),
+        tuple(other for other in alike if alike[other] == (True, True)),
+        tuple(other for other in alike if alike[other][0]),
+        tuple(other for other in alike if alike[other][1]),
     )

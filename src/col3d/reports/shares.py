@@ -36,9 +36,8 @@ def _length(options: dict[str, Any], video: dict[str, str], limits: str) -> int:
 
 @cache
 def _videos() -> dict[str, dict[str, str]]:
-    """Rows of C3VD's table of videos by name and by the paper's label."""
+    """Rows of the table of videos by each of their names: of then, of today, and in the paper."""
     text = files("col3d").joinpath("data/videos.csv").read_text("utf-8")
     rows = list(csv.DictReader(text.splitlines()))
-    return {row["col3d_label"]: row for row in rows if row["col3d_label"]} | {
-        row["video"]: row for row in rows
-    }
+    names = ("label", "released_as", "video")
+    return {row[name]: row for name in names for row in rows if row[name]}

@@ -12,7 +12,7 @@ from col3d.data.phantom import PARTS, PhantomSettings, render_phantom
 from col3d.data.phantom.look import LOOKS
 from col3d.data.phantom.segments import SEGMENTS
 from col3d.data.phantom.write import scene_of
-from col3d.data.splits import describe, seeded_name, seeded_videos
+from col3d.data.videos import describe, seeded_name, seeded_videos
 
 VIDEO = "cecum_t1_a_s3"
 SETTINGS = PhantomSettings(size_hw=(54, 68), frames_per_video=2, videos=(VIDEO,))

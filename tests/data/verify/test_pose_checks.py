@@ -14,7 +14,8 @@ from col3d.data.frames import Depth
 from col3d.data.verify import Asked, FrameReport, conclude, plan_video
 from col3d.data.verify.decode import read_whole
 from col3d.data.verify.findings import Reprojection
-from col3d.data.verify.poses import read_poses, reproject
+from col3d.data.verify.poses import read_poses
+from col3d.data.verify.reproject import reproject
 
 SAMPLE = os.environ.get("COL3D_C3VD_SAMPLE")
 needs_sample = pytest.mark.skipif(SAMPLE is None, reason="COL3D_C3VD_SAMPLE names no folder of real frames")

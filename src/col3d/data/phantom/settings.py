@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from col3d.checks import check_known
-from col3d.data.splits import seeded_name, video_table
+from col3d.data.videos import seeded_name, video_table
 from col3d.geometry import OmnidirectionalCamera
 
 PARTS = ("anatomy", "tissue", "light", "sensor")

@@ -21,7 +21,7 @@ from col3d.data.phantom.segments import SEGMENTS
 from col3d.data.phantom.settings import PhantomSettings, phantom_camera, random_stream
 from col3d.data.phantom.trajectory import camera_poses
 from col3d.data.processes import whole_folder
-from col3d.data.splits import seeded_name, video_table
+from col3d.data.videos import seeded_name, video_table
 
 MANIFEST = "phantom.json"
 VERSION = 3

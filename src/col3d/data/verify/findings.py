@@ -97,6 +97,9 @@ class VideoReport:
         pairs: of frames whose depth was compared.
         poses: pose.txt is there.
         reprojection: median over the pairs in mm.
+        lens: by reading of the lens, the median over pairs of frames farther apart of the median
+            |z - depth there| in mm; the first is the camera's own. See `lens.check_lens`.
+        lens_pairs: how many those are.
         duplicates: frames with the picture of another.
     """
 
@@ -120,6 +123,8 @@ class VideoReport:
     pairs: int = 0
     reprojection: float = NAN
     worst_reprojection: float = NAN
+    lens: dict[str, float] = field(default_factory=dict)
+    lens_pairs: int = 0
     duplicates: int = 0
     findings: list[Finding] = field(default_factory=list)
 

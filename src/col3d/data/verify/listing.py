@@ -17,15 +17,16 @@ def list_frames(frames: FrameSet, video: str, folder: Path) -> tuple[list[Frame]
         video: its name.
         folder: it lies in.
     """
-    kinds = [kind for kind in (*frames.needed(), *EXTRA) if kind in frames.kinds]
+    needed = frames.needed(video)
+    kinds = [kind for kind in (*needed, *EXTRA) if kind in frames.kinds]
     findings: list[Finding] = []
 
     def note(number: int, fault: str) -> None:
         findings.append(Finding("pair", fault, video, number))
 
     found = {kind: frames.kinds[kind].find(folder, twice=note) for kind in kinds}
-    numbers = sorted(set().union(*(found[kind] for kind in frames.needed())))
-    for kind in frames.needed():
+    numbers = sorted(set().union(*(found[kind] for kind in needed)))
+    for kind in needed:
         missing = [number for number in numbers if number not in found[kind]]
         findings += _missing(frames.kinds[kind], kind, folder, video, missing, len(numbers))
     listed = [Frame(video, n, {kind: found[kind][n] for kind in kinds if n in found[kind]}) for n in numbers]
@@ -37,9 +38,9 @@ def _missing(
 ) -> list[Finding]:
     hint = "; data.normals=derived computes them from the depth" if name == "normals" else "; copy it again"
     if missing and len(missing) == count:
-        text = f"{folder}: none of the {count} frames has its {kind.name.format('NNNN')}{hint}"
+        text = f"{folder}: none of the {count} frames has its {kind.named('NNNN')}{hint}"
         return [Finding("pair", text, video)]
     return [
-        Finding("pair", f"{folder}: frame {number} has no {kind.named(number)}{hint}", video, number)
+        Finding("pair", f"{folder}: frame {number} has no {kind.named(number, folder)}{hint}", video, number)
         for number in missing
     ]

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import torch
@@ -10,7 +11,8 @@ from col3d.data.frames import Depth, Frame, FrameSet
 from col3d.data.verify.findings import Finding, FrameReport
 from col3d.data.verify.frame import check_frame, read_depth
 from col3d.data.verify.listing import list_frames
-from col3d.data.verify.poses import Pose, read_poses, reproject
+from col3d.data.verify.poses import read_poses
+from col3d.data.verify.reproject import Pose, reproject
 from col3d.geometry import Camera
 
 CHUNK = 16
@@ -42,6 +44,7 @@ class Plan:
 
     Attributes:
         lines: of pose.txt; None where there is none.
+        poses: camera to world, of the frames that have one.
     """
 
     video: str
@@ -49,12 +52,17 @@ class Plan:
     frames: tuple[Frame, ...]
     chunks: tuple[Chunk, ...]
     lines: int | None
+    poses: Mapping[int, Pose]
     findings: tuple[Finding, ...]
+
+    @cached_property
+    def numbers(self) -> dict[int, Frame]:
+        """Frames by their number."""
+        return {frame.number: frame for frame in self.frames}
 
     def path(self, number: int, kind: str) -> Path:
         """A file of one of its frames, or the folder where it has none."""
-        frame = next(frame for frame in self.frames if frame.number == number)
-        return frame.files.get(kind, self.folder)
+        return self.numbers[number].files.get(kind, self.folder)
 
 
 def plan_video(frames: FrameSet, video: str, folder: Path, fast: bool = False) -> Plan:
@@ -74,7 +82,8 @@ def plan_video(frames: FrameSet, video: str, folder: Path, fast: bool = False) -
     if place.is_file():
         poses, lines, broken = read_poses(place, video)
         findings += broken
-    return Plan(video, folder, tuple(listed), tuple(_chunks(listed, poses, fast)), lines, tuple(findings))
+    chunks = tuple(_chunks(listed, poses, fast))
+    return Plan(video, folder, tuple(listed), chunks, lines, poses, tuple(findings))
 
 
 def _chunks(listed: Sequence[Frame], poses: Mapping[int, Pose], fast: bool) -> list[Chunk]:
