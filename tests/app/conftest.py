@@ -6,11 +6,20 @@ import pytest
 from tiny_run import SMALL, TINY, composed
 
 from col3d.app.train import train
+from col3d.data.phantom import PhantomSettings, render_phantom
 
 
 @pytest.fixture(scope="session")
 def phantom_root(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("phantom") / "frames"
+
+
+@pytest.fixture(scope="session")
+def rendered(phantom_root: Path) -> Path:
+    """A video of three frames."""
+    settings = PhantomSettings(size_hw=(64, 80), frames_per_video=3, videos=("desc_t4_a",))
+    render_phantom(phantom_root, settings, workers=1, progress=False)
+    return phantom_root / "desc_t4_a"
 
 
 @pytest.fixture

@@ -8,8 +8,7 @@ import pytest
 from tiny_run import composed
 
 from col3d.app.fuse import fuse
-from col3d.checks import DataError, UserError
-from col3d.fusion import read_coverage
+from col3d.checks import UserError
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*pin_memory.*")
 
@@ -24,9 +23,8 @@ def fused(video: Path, folder: Path, *overrides: str) -> dict[str, object]:
 
 
 def test_truth_and_prediction_of_a_video(
-    phantom_root: Path, tiny_checkpoint: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    rendered: Path, tiny_checkpoint: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    rendered = phantom_root / "desc_t4_a"
     truth = fused(rendered, tmp_path / "truth")["comparisons"]
     assert list(truth) == [COVERAGE]  # type: ignore[call-overload]
     assert truth[COVERAGE]["accuracy_mean_mm"] < 1  # type: ignore[index]
@@ -47,59 +45,56 @@ def test_truth_and_prediction_of_a_video(
         fused(video, tmp_path / "alone")
 
 
-def test_the_mesh_of_the_data_set_is_compared_with(phantom_root: Path, tmp_path: Path) -> None:
+def test_the_mesh_of_the_data_set_is_compared_with(rendered: Path, tmp_path: Path) -> None:
     video = tmp_path / "C3VD" / "desc_t4_a"
-    shutil.copytree(phantom_root / "desc_t4_a", video)
+    shutil.copytree(rendered, video)
     fused(video, tmp_path / "first")
     import trimesh
 
     mesh = trimesh.load(tmp_path / "first" / "truth.ply")
     lines = [f"v {x} {y} {z}" for x, y, z in mesh.vertices]
-    lines += ["usemtl seen_0", *(f"f {a + 1} {b + 1} {c + 1}" for a, b, c in mesh.faces)]
+    lines += ["v 900 900 900", "v 901 900 900", "v 900 901 900", "vt 0.0 0.0", "vt 1.0 1.0"]
+    lines += [f"f {a + 1}/1 {b + 1}/1 {c + 1}/1" for a, b, c in mesh.faces]
     far_away = len(mesh.vertices)
-    lines += ["v 900 900 900", "v 901 900 900", "v 900 901 900", "usemtl unseen_1"]
-    lines += [f"f {far_away + 1}//1 {far_away + 2}//1 {far_away + 3}//1"]
+    lines += [f"f {far_away + 1}/2 {far_away + 2}/2 {far_away + 3}/2"]
     (video / "coverage_mesh.obj").write_text("\n".join(lines))
     found = fused(video, tmp_path / "second")["comparisons"]["truth to coverage_mesh.obj"]  # type: ignore[index]
     assert found["accuracy_mean_mm"] < 1e-3
     assert found["completeness_mean_mm"] < 1e-3
-    coverage = read_coverage(video / "coverage_mesh.obj")
-    assert coverage.told
-    assert len(coverage.wall.triangles) == len(coverage.seen.triangles) + 1
     (video / "coverage_mesh.obj").write_text("f 1 2 3")
     with pytest.raises(UserError, match=r"coverage_mesh\.obj: not a mesh in OBJ format"):
         fused(video, tmp_path / "third")
 
 
-def test_what_cannot_be_fused_is_refused(phantom_root: Path, tmp_path: Path) -> None:
+def test_what_cannot_be_fused_is_refused(rendered: Path, tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"video: .* is no folder of NNNN_color\.png"):
         fused(tmp_path, tmp_path / "out")
     with pytest.raises(UserError, match="scale: is of predictions"):
-        fused(phantom_root / "desc_t4_a", tmp_path / "out", "scale=median")
+        fused(rendered, tmp_path / "out", "scale=median")
     video = tmp_path / "C3VD" / "desc_t4_a"
-    shutil.copytree(phantom_root / "desc_t4_a", video)
+    shutil.copytree(rendered, video)
     (video / "pose.txt").unlink()
     with pytest.raises(UserError, match=r"pose\.txt"):
         fused(video, tmp_path / "out")
 
 
-def test_files_of_others_and_earlier_fusions_stay(phantom_root: Path, tmp_path: Path) -> None:
+def test_files_of_others_and_earlier_fusions_stay(rendered: Path, tmp_path: Path) -> None:
     (tmp_path / "truth.ply").write_text("mine")
     with pytest.raises(UserError, match=r"holds truth\.ply, which is of no fusion"):
-        fused(phantom_root / "desc_t4_a", tmp_path)
+        fused(rendered, tmp_path)
     assert (tmp_path / "truth.ply").read_text() == "mine"
-    fused(phantom_root / "desc_t4_a", tmp_path / "out")
+    fused(rendered, tmp_path / "out")
     before = (tmp_path / "out" / "truth.ply").read_bytes()
     with pytest.raises(UserError, match="is no folder of"):
-        fused(phantom_root / "absent", tmp_path / "out", "overwrite=true")
+        fused(rendered.with_name("absent"), tmp_path / "out", "overwrite=true")
     assert (tmp_path / "out" / "truth.ply").read_bytes() == before
 
 
 def test_poses_that_are_none_are_refused(
-    phantom_root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    rendered: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     video = tmp_path / "C3VD" / "desc_t4_a"
-    shutil.copytree(phantom_root / "desc_t4_a", video)
+    shutil.copytree(rendered, video)
     lines = (video / "pose.txt").read_text().splitlines()
     first = lines[0].split(",")
     broken = {
@@ -116,27 +111,36 @@ def test_poses_that_are_none_are_refused(
     assert "1 of 3 frames have no line in pose.txt" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(
-    ("seen", "unseen", "told"),
-    [
-        (["g 0"], ["g 1"], True),
-        (["g group_0", "usemtl material_1"], ["g group_1", "usemtl material_1"], True),
-        (["g 0 default"], ["g 1 default"], True),
-        (["usemtl m_12"], ["usemtl m_11"], False),
-        (["g seen"], ["g unseen"], False),
-    ],
-)
-def test_faces_are_told_apart_by_whole_numbers(
-    seen: list[str], unseen: list[str], told: bool, tmp_path: Path
+def test_a_video_without_truth_is_fused_from_its_predictions(
+    rendered: Path, tiny_checkpoint: Path, tmp_path: Path
 ) -> None:
-    path = tmp_path / "coverage_mesh.obj"
-    corners = ["v 0 0 0", "v 1 0 0", "v 0 1 0", "v 0 0 1"]
-    path.write_text("\n".join([*corners, *seen, "f 1 2 3", *unseen, "f 1/1/1 2/1/1 -1/1/1"]))
-    found = read_coverage(path)
-    assert (found.told, len(found.seen.triangles)) == (told, 1 if told else 2)
-    path.write_text("\n".join([*corners, "g 1", "f 1 2 3"]))
-    with pytest.raises(DataError, match="all of its faces are marked as unseen"):
-        read_coverage(path)
-    path.write_text("v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3")
-    with pytest.raises(DataError, match="not finite"):
-        read_coverage(path)
+    """As the deformation videos of C3VDv2: rgb/NNNN.png and pose.txt, no more."""
+    video = tmp_path / "C3VDv2" / "c1_cecum_t1_v4"
+    (video / "rgb").mkdir(parents=True)
+    for path in (rendered).glob("*_color.png"):
+        shutil.copy(path, video / "rgb" / f"{path.name.removesuffix('_color.png')}.png")
+    shutil.copy(rendered / "pose.txt", video)
+    found = fused(video, tmp_path / "out", f"checkpoint={tiny_checkpoint}", "size=null")
+    assert (found["frames"], found["comparisons"]) == (3, {})
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {
+        *("predicted.ply", "fusion.json", "fusion.html")
+    }
+    with pytest.raises(UserError, match=r"c1_cecum_t1_v4 has no true depth; give checkpoint=PATH"):
+        fused(video, tmp_path / "none")
+    with pytest.raises(UserError, match=r"scale: median needs true depth"):
+        fused(
+            video,
+            tmp_path / "none",
+            f"checkpoint={tiny_checkpoint}",
+            "size=null",
+            "scale=median",
+        )
+    with pytest.raises(UserError, match=r"c1_cecum_t1_v4 is a video of c3vdv2.*take data=c3vdv2"):
+        fused(video, tmp_path / "none", "dataset=c3vd", f"checkpoint={tiny_checkpoint}", "size=null")
+
+
+def test_a_video_by_its_name_of_today(rendered: Path, tmp_path: Path) -> None:
+    shutil.copytree(rendered, tmp_path / "C3VD" / "c0_descending_t4_v1")
+    found = fused(tmp_path / "C3VD" / "c0_descending_t4_v1:0-1", tmp_path / "out")
+    assert found["frames"] == 2
+    assert list(found["comparisons"]) == [COVERAGE]  # type: ignore[call-overload]

@@ -501,7 +501,7 @@ class FuseOptions(Options):
     """Everything that `fuse.py` takes."""
 
     video: str
-    data: Literal["c3vd", "c3vdv2"]
+    dataset: Literal["auto", "c3vd", "c3vdv2"]
     output: str
     overwrite: bool
     checkpoint: str | None

@@ -20,30 +20,36 @@ from col3d.app.provenance import provenance
 from col3d.app.train import check_accelerator, quiet
 from col3d.checks import DataError, UserError
 from col3d.data.c3vd import C3VD, C3VDv2
+from col3d.data.coverage_mesh import COVERAGE_MESH, CoverageMesh, read_coverage_mesh
 from col3d.data.images import read_image
+from col3d.data.octagon import octagon_mask
 from col3d.data.processes import frames_bar
 from col3d.data.resize import Resize
+from col3d.data.videos import canonical_name, described
 from col3d.geometry import Camera
 from col3d.reports.fusion import print_fusion, write_fusion_page
 from col3d.reports.scenes import Cloud, Scene, error_colours, thinned
 from col3d.reports.summary import write_json
 
 if TYPE_CHECKING:
-    from col3d.fusion import Coverage, Surface
+    from col3d.fusion import Surface
 
 INTERRUPTED = 130
 FAR_OFF = 5.0
 """Millimetres at the upper end of the colours of errors."""
 SHOWN = 60_000
 """Points of a surface in the page."""
-COVERAGE, SUMMARY, PAGE = "coverage_mesh.obj", "fusion.json", "fusion.html"
+SUMMARY, PAGE = "fusion.json", "fusion.html"
 WRITTEN = (PAGE, SUMMARY, "truth.ply", "predicted.ply", "error.ply")
-DATA_SETS: Mapping[str, type[C3VD]] = {"c3vd": C3VD, "c3vdv2": C3VDv2}
+DATA_SETS: Mapping[str, type[C3VD]] = {"auto": C3VD, "c3vd": C3VD, "c3vdv2": C3VDv2}
 
 
 @dataclass(frozen=True)
 class Seen:
-    """A frame at the network's size, its pose, its true depth and what the network says of it."""
+    """A frame at the network's size, its pose, its true depth and what the network says of it.
+
+    The mask is where depth is known, or where the endoscope shows anything if the video has no truth.
+    """
 
     image: UInt8[Tensor, "3 h w"]
     depth: Float[Tensor, "1 h w"]
@@ -86,15 +92,17 @@ def _fuse(options: FuseOptions) -> None:
     seen = list(_seen(frames, chosen, poses, resize, network))
     camera = resize.resized_camera
     found: dict[str, Any] = {"video": options.video, "frames": len(seen), "voxel_mm": options.voxel}
-    surfaces = {"truth": _surface("truth", seen, [frame.depth for frame in seen], camera, options)}
+    surfaces = {}
+    if frames.with_truth:
+        surfaces["truth"] = _surface("truth", seen, [frame.depth for frame in seen], camera, options)
     if network is not None:
         factor = _scale(seen) if options.scale == "median" else 1.0
         found |= {"model": network.name, "checkpoint": options.checkpoint, "scale": factor}
         depths = [frame.predicted * factor for frame in seen if frame.predicted is not None]
         surfaces["prediction"] = _surface("prediction", seen, depths, camera, options)
-    found["comparisons"] = _compared(surfaces["truth"], surfaces.get("prediction"), wall, options.voxel)
+    found["comparisons"] = _compared(surfaces, wall, options.voxel)
     if wall is not None:
-        found["seen_faces"] = [len(wall.seen.triangles), len(wall.wall.triangles)] if wall.told else None
+        found["seen_faces"] = None if wall.observed is None else [len(wall.seen), len(wall.triangles)]
     _write(output, found, surfaces)
 
 
@@ -103,13 +111,16 @@ def _write(output: Path, found: dict[str, Any], surfaces: Mapping[str, "Surface"
     output.mkdir(parents=True, exist_ok=True)
     for name in WRITTEN:
         (output / name).unlink(missing_ok=True)
-    truth = surfaces["truth"]
-    truth.write(output / "truth.ply")
-    clouds = [_cloud("true depth", truth)]
+    clouds = []
+    if truth := surfaces.get("truth"):
+        truth.write(output / "truth.ply")
+        clouds.append(_cloud("true depth", truth))
     if predicted := surfaces.get("prediction"):
-        shown = error_colours(truth.distance(predicted.vertices), FAR_OFF)
         predicted.write(output / "predicted.ply")
-        predicted.write(output / "error.ply", shown)
+        shown = None
+        if truth:
+            shown = error_colours(truth.distance(predicted.vertices), FAR_OFF)
+            predicted.write(output / "error.ply", shown)
         clouds.append(_cloud("prediction", predicted, shown))
     scene = Scene(Path(found["video"]).name, tuple(clouds), FAR_OFF, from_camera=False)
     write_fusion_page(output / PAGE, found, scene)
@@ -139,15 +150,24 @@ def _checked_room(options: FuseOptions) -> Path:
 
 
 def _video(options: FuseOptions) -> C3VD:
-    """The frames of the video, its lens at their size."""
-    path, kind = Path(os.path.abspath(options.video)), DATA_SETS[options.data]  # noqa: PTH100 - without ".."
+    """The frames of the video, its lens at their size; without truth where it has no depth."""
+    path = Path(os.path.abspath(options.video))  # noqa: PTH100 - without ".."
     root, entry = path.parent, path.name
-    folder = root / entry.partition(":")[0]
-    images = kind.kinds["color"].find(folder)
+    given = entry.partition(":")[0]
+    folder, row = root / given, described(given)
+    kind = DATA_SETS[row.data if options.dataset == "auto" and row else options.dataset]
+    if folder.is_dir():
+        folder = kind.video_folders(root)[canonical_name(given)]
+    images, has_truth = kind.kinds["color"].find(folder), bool(kind.kinds["depth"].find(folder))
     if not images:
         raise UserError(f"video: {folder} is no folder of {kind.example}")
+    if not has_truth and options.checkpoint is None:
+        raise UserError(f"video: {folder} has no true depth; give checkpoint=PATH to fuse what it predicts")
+    if not has_truth and options.scale == "median":
+        raise UserError(f"scale: median needs true depth, and {folder} has none; take scale=none")
     height, width, _ = read_image(images[min(images)]).shape
-    return kind(root, [entry], normals="none", camera=camera_at(kind.lens(), (height, width)))
+    camera = camera_at(kind.lens(), (height, width))
+    return kind(root, [entry], normals="none", camera=camera, truth=has_truth)
 
 
 def _chosen(frames: C3VD, poses: np.ndarray, most: int | None) -> list[int]:
@@ -167,6 +187,7 @@ def _seen(
     frames: C3VD, chosen: Sequence[int], poses: np.ndarray, resize: Resize, network: Learnt | None
 ) -> Iterator[Seen]:
     camera = resize.resized_camera
+    view = octagon_mask(camera.size_hw)
     with frames_bar("read" if network is None else "read and predict") as bar:
         for place in bar.track(chosen):
             item = resize.read(frames, place)
@@ -174,7 +195,8 @@ def _seen(
             if network is not None:
                 predicted = network.predict(item["image"][None], camera)["depth"][0].cpu()
             pose = poses[frames.frames[place].number]
-            yield Seen(item["image"], item["depth"], item["mask"], pose, predicted)
+            mask = item["mask"] if frames.with_truth else view
+            yield Seen(item["image"], item["depth"], mask, pose, predicted)
 
 
 def _scale(seen: Sequence[Seen]) -> float:
@@ -190,7 +212,7 @@ def _scale(seen: Sequence[Seen]) -> float:
 def _surface(
     what: str, seen: Sequence[Seen], depths: Sequence[Tensor], camera: Camera, options: FuseOptions
 ) -> "Surface":
-    """The surface of all frames with these depths, of the pixels where the truth is known."""
+    """The surface of all frames with these depths, of the pixels of their masks."""
     from col3d.fusion import Volume
 
     if not any(frame.mask.any() for frame in seen):
@@ -206,35 +228,31 @@ def _surface(
     return surface
 
 
-def _wall(frames: C3VD) -> "Coverage | None":
+def _wall(frames: C3VD) -> CoverageMesh | None:
     """The data set's own mesh of the wall, where it is there."""
-    from col3d.fusion import read_coverage
-
-    path = frames.root / frames.frames[0].video / COVERAGE
+    path = frames.folders[frames.frames[0].video] / COVERAGE_MESH
     if not path.is_file():
         return None
-    found = read_coverage(path)
-    if not found.told:
-        print(f"note: {COVERAGE} does not say which faces were seen; all of them count", flush=True)
+    found = read_coverage_mesh(path)
+    if found.observed is None:
+        print(f"note: {COVERAGE_MESH} does not say which faces were observed; all of them count", flush=True)
     return found
 
 
 def _compared(
-    truth: "Surface",
-    predicted: "Surface | None",
-    wall: "Coverage | None",
-    spacing: float,
+    surfaces: Mapping[str, "Surface"], wall: CoverageMesh | None, spacing: float
 ) -> dict[str, dict[str, float]]:
-    """Every comparison that there is something for, by name."""
-    from col3d.fusion import compare
+    """Every comparison that there is something for, by name; only what was observed can be complete."""
+    from col3d.fusion import Surface, compare
 
     found = {}
-    if predicted is not None:
-        found["prediction to fused truth"] = compare(predicted, truth, spacing).summary()
+    if surfaces.keys() == {"truth", "prediction"}:
+        both = compare(surfaces["prediction"], surfaces["truth"], spacing)
+        found["prediction to fused truth"] = both.summary()
     if wall is not None:
-        found[f"truth to {COVERAGE}"] = compare(truth, wall.wall, spacing, wall.seen).summary()
-        if predicted is not None:
-            found[f"prediction to {COVERAGE}"] = compare(predicted, wall.wall, spacing, wall.seen).summary()
+        whole, seen = (Surface(wall.vertices, triangles) for triangles in (wall.triangles, wall.seen))
+        for name, surface in surfaces.items():
+            found[f"{name} to {COVERAGE_MESH}"] = compare(surface, whole, spacing, seen).summary()
     return found
 
 

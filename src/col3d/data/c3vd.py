@@ -247,8 +247,7 @@ def decoded_flow(
     """
     two = codes[..., :2]
     pixels = two.astype(np.float32) * np.float32(2 * MAX_FLOW / FULL_CODE) - np.float32(MAX_FLOW)
-    known: np.ndarray = ((two > 0) & (two < FULL_CODE)).all(axis=-1)
-    return pixels, known
+    return pixels, np.asarray(((two > 0) & (two < FULL_CODE)).all(axis=-1))
 
 
 def _unwrapped(folder: Path) -> Path:

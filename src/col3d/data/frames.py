@@ -56,7 +56,7 @@ class Kind:
     others: tuple[str, ...] = ()
 
     def named(self, number: int | str, folder: Path | None = None) -> str:
-        """The path for a frame, its number padded to four digits, in the layout of a folder if one is given."""
+        """The path for a frame, its number padded to four digits; in the layout of a folder, if given."""
         there = (name for name in (self.name, *self.others) if folder is not None and _some(folder, name))
         number = number if isinstance(number, str) else f"{number:04d}"
         return next(there, self.name).format(number)
@@ -231,9 +231,12 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
         return {"depth": depth, "normals": normals, "mask": mask & (x | y | z)}
 
     def depth_and_mask(self, frame: Frame, take: Take) -> tuple[Tensor, Tensor]:
-        """Depth (1, h, w) in mm, 0 where unknown, and where it is known (1, h, w)."""
-        path, exact = frame.files["depth"], self.kinds["depth"].bits is not None
+        """Depth (1, h, w) in mm, 0 where unknown, and where it is known (1, h, w); nowhere without a file."""
         size_hw, view = self.camera.size_hw, self.field_of_view()
+        if "depth" not in frame.files:
+            nothing = torch.from_numpy(take(np.zeros(size_hw, np.float32)))[None]
+            return nothing, nothing > 0
+        path, exact = frame.files["depth"], self.kinds["depth"].bits is not None
         codes = read_grey(path, size_hw, np.uint16) if exact else read_any(path, size_hw)
         depth = self.decoded_depth(take(codes))
         known = depth.known if view is None else depth.known & take(view[0].numpy())

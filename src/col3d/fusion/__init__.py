@@ -4,8 +4,7 @@ Poses are camera-to-world matrices, (4, 4) on column vectors, in mm. Needs `pip 
 """
 
 from col3d.fusion.compare import Comparison, compare
-from col3d.fusion.coverage import Coverage, read_coverage
 from col3d.fusion.surface import Surface
 from col3d.fusion.volume import Volume
 
-__all__ = ["Comparison", "Coverage", "Surface", "Volume", "compare", "read_coverage"]
+__all__ = ["Comparison", "Surface", "Volume", "compare"]

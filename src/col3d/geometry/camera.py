@@ -206,7 +206,7 @@ class OmnidirectionalCamera(Camera):
         """The Olympus CF-HQ190L of C3VD at 1080 x 1350; its rays reach 73 degrees off the axis.
 
         The stretch matrix is that of the program which rendered the data set's truth. The data set's example
-        loader transposes it, which turns rays by 0.2 degrees and contradicts depth and poses: `docs/errata.md`.
+        loader transposes it, which turns rays by 0.2 degrees and contradicts its depth (`docs/errata.md`).
 
         References:
             DurrLab/C3VD on GitHub: `render/Intrinsics.h`, `render/Render.cu`.

@@ -41,7 +41,7 @@ def print_fusion(found: Mapping[str, Any], written: Sequence[Path]) -> None:
         console = Console(highlight=False)
         console.print(table)
     else:
-        print("nothing to compare with: no checkpoint was given, and the video has no coverage_mesh.obj")
+        print("nothing to compare with: one surface alone was fused, and the video has no coverage_mesh.obj")
     print("wrote", *map(str, written), sep="\n  ", flush=True)
 
 

@@ -7,18 +7,15 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float32, Float64, Int, UInt8, UInt16
 
+from col3d.data.c3vd import MAX_DEPTH, MAX_FLOW
 from col3d.data.octagon import octagon_mask
 from col3d.data.phantom.anatomy import Colon
 from col3d.data.phantom.appearance import Hits, Mucosa, Radiance, turned
 from col3d.data.phantom.look import Look
 from col3d.data.phantom.sensor import develop, light_of
+from col3d.data.release import FULL_CODE
 from col3d.geometry import Camera
 
-MAX_DEPTH = 100.0
-"""Depth in mm of the highest code, and how far from the lens a hidden surface counts."""
-MAX_FLOW = 20.0
-"""Motion in pixels of the highest code; what moves farther has none."""
-FULL_CODE = 65535
 GRAZING = 1e-3
 """Least cosine at which a stored normal faces its ray; interpolated ones may turn away at outlines."""
 SHADOW_GRID = 135
@@ -92,8 +89,10 @@ class Renderer:
         distance = np.sqrt(np.einsum("ni,ni->n", hits.points, hits.points))
         light = self._light(hits, distance, pose)
         hit = hits.triangle >= 0
-        depth = np.clip(np.rint(hits.points[:, 2] * (FULL_CODE / MAX_DEPTH)), 1, FULL_CODE)
-        normals = np.rint((hits.normals + 1) * (FULL_CODE / 2)) * hit[:, None]
+        depth = np.clip(
+            hits.points[:, 2] * (FULL_CODE / MAX_DEPTH), 0, FULL_CODE
+        )  # cast below: codes are cut
+        normals = (hits.normals + 1) * (FULL_CODE / 2) * hit[:, None]
         hidden = self.hides_another(hits, distance) & hit
         frame = Frame(
             color=develop(light, self.off_axis, self.shown, self.look.sensor, random),
@@ -161,11 +160,11 @@ class Renderer:
         return cv2.warpAffine(coarse, at_pixels, self.size_hw[::-1], borderMode=cv2.BORDER_REPLICATE)
 
     def hides_another(self, hits: Hits, distance: Float32[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
-        """Where the ray meets the wall once more behind the point it sees, within 100 mm of the lens."""
+        """Where the ray meets the wall once more behind the point it sees, at a depth of 100 mm or less."""
         beyond = distance + OFF_WALL
         rays = turned(self.rays, hits.turn)
         start = hits.world + OFF_WALL * rays
-        return self._blocked(start, rays, np.maximum(np.float32(MAX_DEPTH) - beyond, 0))
+        return self._blocked(start, rays, np.maximum(np.float32(MAX_DEPTH) / self.rays[:, 2] - beyond, 0))
 
     def _lit(self, hits: Hits, pose: Float64[np.ndarray, "4 4"]) -> Float32[np.ndarray, "n k"]:
         """How much of each lamp reaches each point; cast on a coarse grid, for shadows of lamps are soft."""
@@ -192,7 +191,10 @@ class Renderer:
         return self._enlarged(soft / np.maximum(weight, 1e-3), step)[self.shown]
 
     def _flow(self, hits: Hits, previous: Float64[np.ndarray, "4 4"]) -> UInt16[np.ndarray, "n 3"]:
-        """Codes of the motion from this frame to the one before; 0 where the point was not seen in it."""
+        """Codes of the motion from this frame to the one before, as C3VD's renderer has them.
+
+        0 where the point leaves the frame before, or another triangle is met on the way to it from there.
+        """
         bands = [self._flow_of(hits.band(b), self.places[b], previous) for b in self.bands]
         return np.concatenate(bands)
 
@@ -204,20 +206,15 @@ class Renderer:
         u, v = np.nan_to_num(self.camera.project(torch.from_numpy(points)).numpy(), nan=-1e6).T
         motion = np.stack([u, v], axis=1) - places
         height, width = self.size_hw
-        column, row = (
-            np.clip(np.rint(at), 0, end).astype(int) for at, end in ((u, width - 1), (v, height - 1))
-        )
-        inside = (np.abs(u - (width - 1) / 2) <= width / 2) & (np.abs(v - (height - 1) / 2) <= height / 2)
-        able = inside & self.shown[row, column] & (np.abs(motion) <= MAX_FLOW).all(axis=1)
-        able &= hits.triangle >= 0
-        chosen = np.flatnonzero(able)
+        inside = (u >= 0) & (u < width) & (v >= 0) & (v < height)
+        chosen = np.flatnonzero(inside & (hits.triangle >= 0))
         way = hits.world[chosen] - place
-        length = np.sqrt(np.einsum("ni,ni->n", way, way))
-        way /= length[:, None]
-        hidden = self._blocked(np.broadcast_to(place, way.shape), way, length - 5 * OFF_WALL)
+        way /= np.sqrt(np.einsum("ni,ni->n", way, way))[:, None]
+        origin = np.ascontiguousarray(np.broadcast_to(place, way.shape))
+        met = self.scene.run(origin, np.ascontiguousarray(way), output=True)["primID"]
+        chosen = chosen[met == hits.triangle[chosen]]
         codes = np.zeros((len(motion), 3), np.uint16)
-        scaled = (motion[chosen] / MAX_FLOW + 1) * (FULL_CODE / 2)
-        codes[chosen, :2] = np.clip(np.rint(scaled), 1, FULL_CODE) * ~hidden[:, None]
+        codes[chosen, :2] = np.clip((motion[chosen] / MAX_FLOW + 1) * (FULL_CODE / 2), 0, FULL_CODE)
         return codes
 
     def _blocked(

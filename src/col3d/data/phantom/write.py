@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from col3d.checks import DataError
+from col3d.data.coverage_mesh import COVERAGE_MESH, write_coverage_mesh
 from col3d.data.phantom.anatomy import build_colon
 from col3d.data.phantom.appearance import Mucosa
 from col3d.data.phantom.coverage import Coverage
@@ -24,7 +25,7 @@ from col3d.data.processes import whole_folder
 from col3d.data.videos import seeded_name, video_table
 
 MANIFEST = "phantom.json"
-VERSION = 3
+VERSION = 4
 """Raised whenever equal settings give other pixels or files than before."""
 UNCOMPRESSED = (cv2.IMWRITE_TIFF_COMPRESSION, 1)
 FAST = (cv2.IMWRITE_PNG_COMPRESSION, 1)
@@ -59,7 +60,7 @@ def _write_frames(
         previous = pose
     lines = scene.poses.transpose(0, 2, 1).reshape(-1, 16)  # C3VD's p_world = [p, 1] @ M is the transpose
     np.savetxt(folder / "pose.txt", lines, fmt="%.9g", delimiter=",")
-    coverage.write(folder / "coverage_mesh.obj")
+    write_coverage_mesh(folder / COVERAGE_MESH, coverage.mesh())
 
 
 @dataclass(frozen=True)
