@@ -18,6 +18,7 @@ from col3d.data.c3vd import C3VD
 from col3d.data.phantom import PARTS, PhantomSettings, phantom_camera, render_phantom
 from col3d.data.sized import Resized
 from col3d.data.store import Recipe, write_video
+from col3d.geometry import OmnidirectionalCamera
 
 VIDEOS = ("cecum_t1_a", "trans_t1_a")
 PHANTOM = ("phantom.size=[108,135]", "phantom.frames_per_video=6")
@@ -80,7 +81,7 @@ def test_a_healthy_phantom(root: Path, capsys: pytest.CaptureFixture[str]) -> No
     assert (best["normals"], best["camera"], best["release"]) == ("(x, y, z)", "lens", "current")
     assert [row["angle"] for row in facts["ranking"]] == sorted(row["angle"] for row in facts["ranking"])
     screen = capsys.readouterr().out
-    for part in ("cecum_t1_a", "6/6", "108x135", "of the lens, release current", "0 faults and 0 notes"):
+    for part in ("cecum_t1_a", "6/6", "108 x 135", "of the lens, release current", "0 faults and 0 notes"):
         assert part in screen
     assert (root.parent / "out" / "verify.html").read_text().count("<figure>") == 2
 
@@ -119,6 +120,80 @@ def test_what_is_broken_is_named(root: Path, capsys: pytest.CaptureFixture[str])
     page = (root.parent / "out" / "verify.html").read_text()
     assert page.count("<figure>") == 6  # four that are broken, and a healthy one of each video
     assert page.count("data:image/jpeg;base64,") == 6
+
+
+def test_the_lens_is_measured_and_ranked(root: Path) -> None:
+    facts = run(root)
+    assert [row["reading"] for row in facts["lens"]] == ["[[c, e], [d, 1]]", "identity", "[[c, d], [e, 1]]"]
+    assert facts["lens"][0]["own"]
+    assert facts["lens"][0]["error"] < 0.01
+    for video in facts["videos"]:
+        assert video["flow"] < 0.01
+
+
+def test_frames_of_another_lens_are_a_fault(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a copy rendered through the transposed stretch matrix would look like."""
+    root, video = tmp_path / "frames", "cecum_t1_a"
+    true = OmnidirectionalCamera.c3vd()
+    other = true.stretch_forms()["[[c, d], [e, 1]]"]
+    with monkeypatch.context() as patch:
+        patch.setattr(OmnidirectionalCamera, "c3vd", classmethod(lambda _: other))
+        settings = PhantomSettings(size_hw=(540, 675), frames_per_video=6, videos=(video,))
+        render_phantom(root, settings, workers=1, progress=False)
+    split = (f"data.split.train=[{video}]", f"data.split.test=[{video}]", "phantom.size=[540,675]")
+    facts = run(root, *split, code=1)
+    assert faults(facts) == [("lens", video, None)]
+    assert facts["lens"][0]["reading"] == "[[c, d], [e, 1]]"
+    assert (
+        "expected depth and poses seen through the stretch matrix [[c, e], [d, 1]]"
+        in facts["findings"][0]["text"]
+    )
+
+
+def test_flow_that_points_the_other_way_is_a_fault(root: Path) -> None:
+    path = root / "cecum_t1_a" / "0002_flow.tiff"
+    codes = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    known = codes.any(axis=-1, keepdims=True)
+    turned = np.where(known & (np.arange(3) > 0), 65535 - codes, 0).astype(np.uint16)
+    assert cv2.imwrite(str(path), turned)
+    assert faults(run(root, code=1)) == [("flow", "cecum_t1_a", 2)]
+    turned[..., 0] = 7
+    assert cv2.imwrite(str(path), turned)
+    assert faults(run(root, code=1)) == [("flow", "cecum_t1_a", 2)] * 2
+
+
+def test_a_coverage_mesh_is_read(root: Path) -> None:
+    path = root / "cecum_t1_a" / "coverage_mesh.obj"
+    text = path.read_text()
+    path.write_text(text + "f 1/3 2/3 3/3\n")
+    assert faults(run(root, code=1)) == [("coverage", "cecum_t1_a", None)]
+    path.write_text("\n".join(line for line in text.splitlines() if line.startswith("v ")) + "\nf 1 2 3\n")
+    facts = run(root)
+    assert [(f["rule"], f["fault"]) for f in facts["findings"]] == [("coverage", False)]
+    assert "does not say which faces were observed" in facts["findings"][0]["text"]
+
+
+def test_videos_of_today_s_names_and_of_other_kinds(
+    tmp_path: Path, rendered: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    root = tmp_path / "C3VDv2"
+    for name in ("c1_cecum_t1_v1", "c1_cecum_t1_v4", "c0_transverse_t1_v1"):
+        shutil.copytree(rendered / "trans_t1_a", root / name)
+    for path in (root / "c1_cecum_t1_v4").iterdir():
+        if "_color" not in path.name and path.name != "pose.txt":
+            path.unlink()
+    with pytest.raises(SystemExit):
+        verify(
+            composed("verify", "data=c3vdv2", f"data.root={root}", f"output={tmp_path / 'out'}", "workers=1")
+        )
+    facts = json.loads((tmp_path / "out" / "verify.json").read_text())
+    found = {video["video"]: video for video in facts["videos"]}
+    assert found.keys() == {"c1_cecum_t1_v1", "c1_cecum_t1_v4"}
+    assert (found["c1_cecum_t1_v1"]["expected"], found["c1_cecum_t1_v4"]["expected"]) == (218, 602)
+    notes = [f["text"] for f in facts["findings"] if not f["fault"]]
+    assert any("not looked into: c0_transverse_t1_v1 is a video of c3vd" in note for note in notes)
+    assert not any(f["rule"] == "pair" for f in facts["findings"])
+    assert "1 of 3 videos lie under other names: c0_transverse_t1_v1 is trans_t1_a" in capsys.readouterr().out
 
 
 def test_a_missing_video_is_a_fault_unless_it_may_be(root: Path) -> None:

@@ -7,10 +7,11 @@ import yaml
 
 from col3d.checks import DataError
 from col3d.data.leakage import shared_with_training
-from col3d.data.splits import leave_out, paper_split
+from col3d.data.splits import leave_out, paper_split, parse_selection
 from col3d.data.videos import describe, video_table
 
 SPLITS = Path(__file__).parents[2] / "conf" / "data" / "split"
+NINE = ((1, "a"), (1, "b"), (2, "a"), (2, "b"), (2, "c"), (3, "a"), (3, "b"), (4, "a"), (4, "b"))
 FOLDS = [(kind, value) for kind, of_video in (("segment", 0), ("texture", 1)) for value in
          dict.fromkeys(describe(video)[of_video] for video in video_table())]  # fmt: skip
 
@@ -56,6 +57,63 @@ def test_what_the_paper_s_test_videos_share() -> None:
         "trans_t3_b": "phantom and texture",
     }
     assert rows["cecum_t2_a"].of_surface == ("cecum_t2_b", "cecum_t2_c")
+
+
+PAPERS = {
+    "ppsnet": {
+        "desc_t4_a": "the video itself",
+        "cecum_t1_a": "phantom and texture",
+        "cecum_t2_a": "phantom and texture",
+        "cecum_t3_a": "the phantom",
+        "sigmoid_t3_a": "phantom and texture",
+        "trans_t2_a": "phantom and texture",
+        "trans_t3_a": "phantom and texture",
+        "trans_t4_a": "phantom and texture",
+    },
+    "transverse_out": {f"trans_t{texture}_{video}": "the texture" for texture, video in NINE},
+    "endoomni": {},
+}
+
+
+@pytest.mark.parametrize("name", PAPERS)
+def test_splits_of_other_papers(name: str) -> None:
+    split = yaml.safe_load((SPLITS / f"{name}.yaml").read_text())
+    assert split.pop("name") == name
+    chosen = {part: [parse_selection(entry) for entry in entries] for part, entries in split.items()}
+    pieces = [selection for part in chosen.values() for selection in part]
+    frames = [(s.video, n) for s in pieces for n in range(video_table()[s.video].frames) if n in s]
+    assert len(frames) == len(set(frames))  # none is in two parts
+    rows = shared_with_training(split["train"], split["test"])
+    assert {row.video: row.worst for row in rows} == PAPERS[name]
+
+
+def test_what_other_papers_train_on() -> None:
+    counts = {}
+    for name in PAPERS:
+        split = yaml.safe_load((SPLITS / f"{name}.yaml").read_text())
+        del split["name"]
+        counts[name] = {
+            part: sum(
+                number in parse_selection(entry)
+                for entry in entries
+                for number in range(video_table()[parse_selection(entry).video].frames)
+            )
+            for part, entries in split.items()
+        }
+    assert counts == {
+        "ppsnet": {"train": 7126, "val": 0, "test": 2889},
+        "transverse_out": {"train": 6130, "val": 1149, "test": 2736},
+        "endoomni": {"train": 8742, "val": 1273, "test": 0},
+    }
+
+
+def test_videos_of_c3vdv2_share_walls_within_a_colon_alone() -> None:
+    rows = shared_with_training(
+        ["c1_cecum_t1_v1", "c2_cecum_t2_v2"], ["c1_cecum_t1_v2", "c1_cecum_t2_v1", "c2_cecum_t1_v2"]
+    )
+    assert [row.worst for row in rows] == ["phantom and texture", "the phantom", "the phantom"]
+    (row,) = shared_with_training(["c1_cecum_t1_v1"], ["c2_cecum_t1_v2"])
+    assert row.worst == "the texture"
 
 
 def test_frames_of_one_video_on_both_sides_are_told() -> None:

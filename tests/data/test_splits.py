@@ -85,12 +85,17 @@ def test_what_a_video_shows() -> None:
 
 
 def test_counts_of_whole_videos() -> None:
-    check_counts({"cecum_t1_a": 276, "sigmoid_t1_a": 700}, "current")
-    check_counts({"cecum_t1_a": 276, "sigmoid_t1_a": 800}, "pre_2023_05")
+    both = ["c0_cecum_t1_v1", "sigmoid_t1_a"]
+    check_counts(both, {"cecum_t1_a": 276, "sigmoid_t1_a": 700}, "current")
+    check_counts(both, {"cecum_t1_a": 276, "sigmoid_t1_a": 800}, "pre_2023_05")
+    check_counts(["c1_cecum_t1_v1", "mine"], {"c1_cecum_t1_v1": 218, "mine": 7}, "current")
+    check_counts(["c1v1:0-9", "cecum_t1_a:20-29"], {"cecum_t1_a": 20}, "current")
     with pytest.raises(DataError, match=r"sigmoid_t1_a has 700 frames, .*pre_2023_05 release has 800"):
-        check_counts({"cecum_t1_a": 276, "sigmoid_t1_a": 700}, "pre_2023_05")
+        check_counts(both, {"cecum_t1_a": 276, "sigmoid_t1_a": 700}, "pre_2023_05")
     with pytest.raises(DataError, match=r"cecum_t1_a has 275 frames.*has 276.*data\.allow_missing"):
-        check_counts({"cecum_t1_a": 275}, "current")
+        check_counts(both, {"cecum_t1_a": 275}, "current")
+    with pytest.raises(DataError, match=r"cecum_t1_a:0-9 has 9 frames.*has 10"):
+        check_counts(["c1v1:0-9"], {"cecum_t1_a": 9}, "current")
 
 
 def test_table_is_that_of_the_data_set() -> None:

@@ -49,6 +49,9 @@ def video(**others: Any) -> dict[str, Any]:
         "poses": True,
         "pairs": 274,
         "reprojection": 0.01234,
+        "lens": {"[[c, e], [d, 1]]": 0.000491, "identity": 0.0129},
+        "lens_pairs": 18,
+        "flow": 0.0012,
         "duplicates": 2,
         "faults": 1,
         **others,
@@ -68,6 +71,10 @@ def facts(**others: Any) -> dict[str, Any]:
         "seconds": 25.0,
         "videos": [video()],
         "ranking": ranking,
+        "lens": [
+            {"reading": "[[c, e], [d, 1]]", "error": 0.000491, "own": True, "pairs": 18},
+            {"reading": "identity", "error": 0.0129, "own": False, "pairs": 18},
+        ],
         "findings": [finding(3)],
         **others,
     }
@@ -81,16 +88,17 @@ def screen(content: dict[str, Any]) -> str:
 
 
 def test_a_row() -> None:
-    expected = "cecum_t1_a 275/276 1080x1350 3.2-100.0 7.1 current (x, y, z) 1.99 0.0123 2 1"
+    expected = "cecum_t1_a 275/276 3.2-100.0 7.1 current (x, y, z) 1.99 0.0123 0.00049 0.001 2 1"
     assert " ".join(cells(video())) == expected
     assert len(cells(video())) == len(HEADINGS)
 
 
 @pytest.mark.parametrize("unknown", [None, float("nan")])
 def test_a_row_of_what_was_not_to_be_had(unknown: float | None) -> None:
-    row = dict.fromkeys(("low", "high", "unknown", "angle", "reprojection"), unknown)
+    row: dict[str, Any] = dict.fromkeys(("low", "high", "unknown", "angle", "reprojection", "flow"), unknown)
+    row["lens"] = {}
     found = cells(video(**row, expected=None, release="", normals="", camera="", poses=False))
-    assert found[1:9] == ["275", "1080x1350", "-", "-", "-", "none", "-", "no poses"]
+    assert found[1:10] == ["275", "-", "-", "-", "none", "-", "no poses", "-", "-"]
     assert "(x, y, z) pinhole" in cells(video(camera="pinhole"))
 
 
@@ -99,6 +107,10 @@ def test_the_screen_names_every_fault() -> None:
     assert text.count("fault: file") == 3
     assert text.index("fault: file 2") < text.index("note: poses 9")
     assert "1.99 deg  (x, y, z) of the lens, release current" in text
+    assert (
+        " 0.00049 mm  stretch matrix [[c, e], [d, 1]], in use\n 0.01290 mm  stretch matrix identity" in text
+    )
+    assert "c3vd in /data/<C3VD>, 1080 x 1350" in text
     assert "1 fault and 0 notes; 275 frames of 1 video, 275 decoded, in 25 s (11.0 a second)" in text
     assert max(map(len, text.splitlines())) <= 120
 

@@ -15,9 +15,12 @@ from col3d.data.frames import FrameSet
 from col3d.data.phantom import PARTS, PhantomSettings, phantom_camera, render_phantom
 from col3d.data.simcol3d import SimCol3D
 from col3d.data.sized import Joined, Resized, SizedFrames, WithMixedTruth
-from col3d.data.splits import SPLITS, check_counts, expand, paper_split, parse_selection
+from col3d.data.splits import SPLITS, check_counts, check_end, expand, parse_selection
 from col3d.data.transforms import Augment
 from col3d.data.videos import video_table
+
+CUSTOM = "custom"
+"""The split that is the user's own, of whatever frames there are."""
 
 
 def settled(data: DataOptions, phantom: PhantomOptions) -> DataOptions:
@@ -92,7 +95,10 @@ def entries_of(source: SourceOptions, phantom: PhantomOptions, part: str) -> lis
     """
     named = getattr(source.split, part)
     if source.name == "phantom":
-        videos = sorted({parse_selection(entry).video for entry in named})
+        chosen = [parse_selection(entry) for entry in named]
+        for selection in chosen:
+            check_end(selection, phantom.frames_per_video - 1)
+        videos = sorted({selection.video for selection in chosen})
         render_phantom(Path(source.root), phantom_settings(source, phantom, videos))
         return _at_hand(source, part, named, videos)
     return _at_hand(source, part, named, _videos_at_hand(source, phantom))
@@ -131,12 +137,24 @@ def sized_frames(
     """
     size_hw = (size[0], size[1])
     entries = entries_of(source, phantom, part)
-    stored = stored_frames(source, frame_set(source, phantom, []), entries, size_hw, say)
+    frames = frame_set(source, phantom, [])
+    if names := other_folder_names(frames):
+        say(names)
+    stored = stored_frames(source, frames, entries, size_hw, say)
     if stored is None:
         return Resized(_read_from_files(source, phantom, part, entries), size_hw)
     releases = {video.video: video.release for video in stored.stored}
     _check_counts(source, part, entries, stored.videos, releases)
     return stored
+
+
+def other_folder_names(frames: FrameSet) -> str:
+    """Which videos lie in folders of other names than their own here, in a line; nothing where none does."""
+    renamed = frames.renamed() if frames.root.is_dir() else {}
+    if not renamed:
+        return ""
+    listed = ", ".join(f"{folder} is {video}" for video, folder in renamed.items())
+    return f"note: {len(renamed)} of {len(frames.folders)} videos lie under other names: {listed}"
 
 
 def data_module(
@@ -219,9 +237,9 @@ def _at_hand(source: SourceOptions, part: str, named: Sequence[str], present: Se
 def _check_counts(
     source: SourceOptions, part: str, entries: Sequence[str], videos: Iterable[str], releases: dict[str, str]
 ) -> None:
-    """Hold the paper's split against the table."""
-    if source.name != "c3vd" or source.allow_missing or entries != paper_split()[part]:
+    """Hold the splits that come with the program against the table of videos."""
+    if source.name not in ("c3vd", "c3vdv2") or source.allow_missing or source.split.name == CUSTOM:
         return
     counts = Counter(videos)
     for release in set(releases.values()):
-        check_counts({v: n for v, n in counts.items() if releases[v] == release}, release)
+        check_counts(entries, {v: n for v, n in counts.items() if releases[v] == release}, release)

@@ -11,7 +11,7 @@ import torch
 
 from col3d.app.config import PhantomOptions, PrepareOptions, SourceOptions
 from col3d.app.errors import check_options
-from col3d.app.frames import frame_set, phantom_settings
+from col3d.app.frames import frame_set, other_folder_names, phantom_settings
 from col3d.app.stores import beside, recipe_of, remember
 from col3d.checks import DataError, UserError
 from col3d.data.frames import FrameSet
@@ -64,7 +64,12 @@ def _prepare(
     recipe: Recipe,
     workers: int | None,
 ) -> None:
+    if names := other_folder_names(frames):
+        print(names, flush=True)
     counts = {video: len(frames.kinds["color"].find(folder)) for video, folder in frames.folders.items()}
+    for video, reason in {v: frames.refusal(v) for v in counts if frames.refusal(v)}.items():
+        print(f"note: left out: {reason}", flush=True)
+        del counts[video]
     counts = {video: count for video, count in counts.items() if count}
     if not counts:
         raise UserError(f"data.root={source.root}: no frames {frames.example} in any folder")

@@ -1,5 +1,6 @@
 """Check a whole data set without training: options -> chunks of frames -> what is wrong."""
 
+import statistics
 import sys
 import time
 from collections import Counter
@@ -11,7 +12,7 @@ from typing import Any
 
 from col3d.app.config import PhantomOptions, SourceOptions, VerifyOptions
 from col3d.app.errors import check_options
-from col3d.app.frames import frame_set
+from col3d.app.frames import frame_set, other_folder_names
 from col3d.app.stores import remembered
 from col3d.checks import DataError, UserError
 from col3d.data.frames import Frame, FrameSet
@@ -23,9 +24,9 @@ from col3d.data.verify import (
     Asked,
     Finding,
     FrameReport,
-    LensReport,
     Plan,
     VideoReport,
+    WholeReport,
     check,
     conclude,
     conclude_lens,
@@ -69,13 +70,14 @@ def _verify(options: VerifyOptions) -> int:
     _check_phantom(source, options.phantom, frames.folders)
     findings = _missing(source, frames.folders)
     plans, skipped = _plans(source, frames, options.fast)
-    reports, lenses = _reports(frames, plans, options.workers)
+    reports, wholes = _reports(frames, plans, options.workers)
     videos = {
         name: conclude(frames, plan, reports[name], _asked(source, options.phantom, name))
         for name, plan in plans.items()
     }
-    for name, report in lenses.items():
-        conclude_lens(videos[name], report)
+    for name, whole in wholes.items():
+        conclude_lens(videos[name], whole.lens)
+        videos[name].findings += whole.findings
     every = list(chain.from_iterable(reports.values()))
     duplicates(videos, plans, every)
     of_videos = chain.from_iterable(video.findings for video in videos.values())
@@ -113,7 +115,10 @@ def _named(source: SourceOptions, present: Sequence[str]) -> list[str]:
 
 def _plans(source: SourceOptions, frames: FrameSet, fast: bool) -> tuple[dict[str, Plan], list[Finding]]:
     """Plans of the videos, and notes of folders that are none."""
-    folders = frames.folders
+    if names := other_folder_names(frames):
+        print(names, flush=True)
+    foreign = [video for video in frames.folders if _is_foreign(source, video)]
+    folders = {video: folder for video, folder in frames.folders.items() if video not in foreign}
     plans = {video: plan_video(frames, video, folder, fast) for video, folder in folders.items()}
     if not any(plan.frames for plan in plans.values()):
         raise UserError(f"data.root={source.root}: no frames {frames.example} in any folder")
@@ -122,24 +127,34 @@ def _plans(source: SourceOptions, frames: FrameSet, fast: bool) -> tuple[dict[st
     notes = [
         Finding("count", f"{folders[v]}: holds no frames, not looked into", v, fault=False) for v in empty
     ]
+    notes += [
+        Finding("count", f"{frames.folders[v]}: not looked into: {frames.refusal(v)}", v, fault=False)
+        for v in foreign
+    ]
     return {video: plan for video, plan in plans.items() if video not in empty}, notes
+
+
+def _is_foreign(source: SourceOptions, video: str) -> bool:
+    """Whether a video is of the other of the two data sets of C3VD."""
+    row = catalogue().get(video)
+    return source.name in ("c3vd", "c3vdv2") and row is not None and row.data != source.name
 
 
 def _reports(
     frames: FrameSet, plans: Mapping[str, Plan], workers: int | None
-) -> tuple[dict[str, list[FrameReport]], dict[str, LensReport]]:
-    """Every frame of every video, checked, and what fits the lens of each."""
+) -> tuple[dict[str, list[FrameReport]], dict[str, WholeReport]]:
+    """Every frame of every video, checked, and each video as a whole."""
     parts = [part for plan in plans.values() for part in (*plan.chunks, plan)]
     total = sum(len(plan.frames) for plan in plans.values())
     reports: dict[str, list[FrameReport]] = {video: [] for video in plans}
-    lenses: dict[str, LensReport] = {}
+    wholes: dict[str, WholeReport] = {}
     found = in_processes(check, [(frames, part) for part in parts], "verify", total, workers)
     for part, result in zip(parts, found, strict=True):
         if isinstance(part, Plan):
-            lenses[part.video] = result
+            wholes[part.video] = result
         for report in [] if isinstance(part, Plan) else result:
             reports[report.video].append(report)
-    return reports, lenses
+    return reports, wholes
 
 
 def _asked(source: SourceOptions, phantom: PhantomOptions, video: str) -> Asked:
@@ -207,8 +222,21 @@ def _facts(
         "ranking": [
             {"normals": str(c), "camera": c.camera, "release": c.release, "angle": a} for c, a in ranking
         ],
+        "lens": _lens(videos.values()),
         "findings": [asdict(finding) for finding in findings],
     }
+
+
+def _lens(videos: Iterable[VideoReport]) -> list[dict[str, Any]]:
+    """Readings of the lens by how well they fit depth and poses over all videos, the best first."""
+    measured = [video for video in videos if video.lens]
+    names = measured[0].lens if measured else {}
+    errors = {name: statistics.median(video.lens[name] for video in measured) for name in names}
+    pairs = sum(video.lens_pairs for video in measured)
+    return [
+        {"reading": name, "error": errors[name], "own": name == next(iter(names)), "pairs": pairs}
+        for name in sorted(errors, key=lambda name: errors[name])
+    ]
 
 
 def _pictures(frames: FrameSet, shown: Iterable[tuple[Frame, list[str]]]) -> list[Picture]:

@@ -29,7 +29,6 @@ from col3d.data.release import (
     disagreement,
     house_normals,
 )
-from col3d.data.splits import selection_of_any_video
 from col3d.data.videos import canonical_name, catalogue
 from col3d.geometry import Camera, OmnidirectionalCamera
 
@@ -118,25 +117,20 @@ class C3VD(FrameSet):
         row = catalogue().get(video)
         return super().needed(video) if self.with_truth and (row is None or row.has_truth) else ["color"]
 
-    def find(self, entry: str) -> list[Frame]:
-        """The frames of an entry of a split, with the files that are needed.
-
-        Raises:
-            DataError: there is no such video, it belongs to another data set or has no truth where that is
-                needed, a frame lacks a file, or was chosen before.
-        """
-        row = catalogue().get(selection_of_any_video(entry).video)
+    def refusal(self, video: str) -> str:
+        """Why a video cannot serve: it is of the other data set, or has no truth where that is needed."""
+        row = catalogue().get(video)
         if row is not None and row.data != self.data:
-            raise DataError(
-                f"split entry {entry!r}: {row.released_as} is a video of {row.data}, which another lens "
-                f"saw; take data={row.data}, or add it by data.also"
+            return (
+                f"{row.released_as} is a video of {row.data}, which another lens saw; take data={row.data}, "
+                "or add it by data.also"
             )
         if row is not None and self.with_truth and not row.has_truth:
-            raise DataError(
-                f"split entry {entry!r}: {row.name} is a {row.kind} video, which has images and poses but no "
-                "depth; predict.py and fuse.py take it"
+            return (
+                f"{row.name} is a {row.kind} video, which has images and poses but no depth; predict.py and "
+                "fuse.py take it"
             )
-        return super().find(entry)
+        return ""
 
     def occlusion(self, index: int) -> Tensor | None:
         """Where another surface lies behind the seen one within 100 mm: (1, h, w) bool, or None without file.

@@ -186,6 +186,10 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
         """Kinds of files that are read; of a video that is known to have no truth, those that it has."""
         return ["color", "depth", *(["normals"] if self.normals == "stored" else [])]
 
+    def refusal(self, video: str) -> str:
+        """Why a video cannot be scored or trained on, whatever its files are; nothing of any other."""
+        return ""
+
     def renamed(self) -> dict[str, str]:
         """Videos that lie in folders of other names: the name here -> the name of the folder."""
         return {video: folder.name for video, folder in self.folders.items() if video != folder.name}
@@ -266,9 +270,11 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
         """The frames of an entry of a split, with the files that are needed.
 
         Raises:
-            DataError: there is no such video, a frame lacks a file, or was chosen before.
+            DataError: there is no such video, it cannot serve, a frame lacks a file, or was chosen before.
         """
         selection = parse_selection(entry, list(self.folders))
+        if reason := self.refusal(selection.video):
+            raise DataError(f"split entry {entry!r}: {reason}")
         folder = self.folders.get(selection.video)
         if folder is None:
             raise DataError(

@@ -133,24 +133,26 @@ def _released_as(video: str, pattern: str) -> bool:
     return row is not None and fnmatch.fnmatch(row.released_as, pattern)
 
 
-def check_counts(found: Mapping[str, int], release: str) -> None:
-    """Hold the number of frames of videos or ranges against the table.
+def check_counts(entries: Sequence[str], found: Mapping[str, int], release: str) -> None:
+    """Hold the number of frames of videos against the table.
 
     Args:
-        found: frames by entry of a split; those of videos that the table does not list are not checked.
-        release: that their files follow.
+        entries: of a split.
+        found: frames of them, by video; those of videos that the table does not list are not checked.
+        release: that the files of these videos follow.
 
     Raises:
-        DataError: names the first entry whose count differs.
+        DataError: names the first video whose count differs.
     """
-    for entry, count in found.items():
-        selection = selection_of_any_video(entry)
-        whole = frames_of(selection.video, release)
+    chosen = [selection_of_any_video(entry) for entry in entries]
+    for video, count in found.items():
+        whole = frames_of(video, release)
         if whole is None:
             continue
-        expected = sum(number in selection for number in range(whole))
+        of_video = [selection for selection in chosen if selection.video == video]
+        expected = sum(any(number in selection for selection in of_video) for number in range(whole))
         if count != expected:
             raise DataError(
-                f"video {entry} has {count} frames, its data set's {release} release has {expected}: copy it "
-                "again, or set data.allow_missing=true to use what is there"
+                f"video {', '.join(map(str, of_video))} has {count} frames, its data set's {release} release "
+                f"has {expected}: copy it again, or set data.allow_missing=true to use what is there"
             )

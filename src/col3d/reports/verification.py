@@ -21,13 +21,14 @@ from col3d.reports.summary import LOG_WIDTH
 HEADINGS = (
     "video",
     "frames",
-    "size",
     "depth mm",
     "invalid %",
     "release",
     "normals",
     "deg",
     "reproj. mm",
+    "lens mm",
+    "flow px",
     "twice",
     "faults",
 )
@@ -85,6 +86,9 @@ def print_verification(facts: Mapping[str, Any], console: Console | None = None)
     if facts["ranking"]:
         lines = ["best conventions of the normals:", *ranking_lines(facts), ""]
         console.print("\n".join(lines), markup=False, highlight=False)
+    if facts["lens"]:
+        lines = ["depth carried from frame to frame by the poses:", *lens_lines(facts), ""]
+        console.print("\n".join(lines), markup=False, highlight=False)
     for line in finding_lines(facts["findings"]):
         console.print(line, markup=False, highlight=False, soft_wrap=True)
     speed = facts["frames"] / max(facts["seconds"], 1e-3)
@@ -103,24 +107,25 @@ def counted(count: int, word: str) -> str:
 
 
 def _title(facts: Mapping[str, Any]) -> str:
-    return f"{facts['data']} in {facts['root']}"
+    height, width = facts["videos"][0]["size"]
+    return f"{facts['data']} in {facts['root']}, {height} x {width}"
 
 
 def cells(video: Mapping[str, Any]) -> list[str]:
     """One row of the table."""
     expected = "" if video["expected"] is None else f"/{video['expected']}"
-    height, width = video["size"]
     pinhole = " pinhole" if video["camera"] == "pinhole" else ""
     return [
         video["video"],
         f"{video['frames']}{expected}",
-        f"{height}x{width}",
         f"{_number(video['low'], 1)}-{_number(video['high'], 1)}" if _is_number(video["low"]) else "-",
         _number(100 * video["unknown"] if _is_number(video["unknown"]) else None, 1),
         video["release"] or "-",
         f"{video['normals']}{pinhole}" if video["normals"] else "none",
         _number(video["angle"], 2),
         _number(video["reprojection"], 4) if video["poses"] else "no poses",
+        _number(next(iter(video["lens"].values()), None), 5),
+        _number(video["flow"], 3),
         str(video["duplicates"]),
         str(video["faults"]),
     ]
@@ -132,6 +137,14 @@ def ranking_lines(facts: Mapping[str, Any]) -> list[str]:
         f"{row['angle']:6.2f} deg  {row['normals']} of the {row['camera']}"
         + (f", release {row['release']}" if row["release"] else "")
         for row in facts["ranking"]
+    ]
+
+
+def lens_lines(facts: Mapping[str, Any]) -> list[str]:
+    """Readings of the lens, the best first."""
+    return [
+        f"{row['error']:8.5f} mm  stretch matrix {row['reading']}{', in use' if row['own'] else ''}"
+        for row in facts["lens"]
     ]
 
 

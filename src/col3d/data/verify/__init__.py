@@ -7,11 +7,11 @@ the rule and what came.
 from col3d.data.verify.conclude import Asked, conclude, duplicates
 from col3d.data.verify.conventions import CONVENTIONS, Convention, ranked
 from col3d.data.verify.findings import Finding, FrameReport, VideoReport
-from col3d.data.verify.lens import LensReport, conclude_lens
+from col3d.data.verify.lens import conclude_lens
 from col3d.data.verify.shown import frames_to_show
 from col3d.data.verify.thumbnails import Thumbnail, thumbnail
 from col3d.data.verify.video import Plan, check_chunk, plan_video
-from col3d.data.verify.work import check
+from col3d.data.verify.work import WholeReport, check
 
 __all__ = [
     "CONVENTIONS",
@@ -19,10 +19,10 @@ __all__ = [
     "Convention",
     "Finding",
     "FrameReport",
-    "LensReport",
     "Plan",
     "Thumbnail",
     "VideoReport",
+    "WholeReport",
     "check",
     "check_chunk",
     "conclude",

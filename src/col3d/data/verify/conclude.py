@@ -57,6 +57,7 @@ def conclude(frames: FrameSet, plan: Plan, reports: Sequence[FrameReport], asked
     video.unknown = _over(np.mean, [report.unknown for report in reports])
     video.outside = _over(np.mean, [report.outside for report in reports])
     video.release = _release_of_names(plan) if isinstance(frames, C3VD) else ""
+    video.flow = _over(np.median, [report.flow for report in reports])
     conclude_normals(video, plan, reports, asked.release)
     _conclude_count(video, asked)
     _conclude_poses(video, plan, reports, asked)

@@ -59,6 +59,7 @@ class FrameReport:
         digest: of the decoded picture; empty where it could not be decoded.
         angles: median angle in degrees of the stored normals to those of the depth, by convention.
         off_length: share of the stored normals without unit length, by encoding.
+        flow: median distance in pixels of stored flow from the motion that depth and poses tell of.
     """
 
     video: str
@@ -72,6 +73,7 @@ class FrameReport:
     angles: Float32[np.ndarray, " c"] | None = None
     off_length: tuple[float, ...] = ()
     reprojection: Reprojection | None = None
+    flow: float = NAN
     findings: list[Finding] = field(default_factory=list)
 
     def fault(self, rule: str, text: str) -> None:
@@ -100,6 +102,8 @@ class VideoReport:
         lens: by reading of the lens, the median over pairs of frames farther apart of the median
             |z - depth there| in mm; the first is the camera's own. See `lens.check_lens`.
         lens_pairs: how many those are.
+        flow: median over frames of the median distance in pixels of stored flow from the motion that depth
+            and poses tell of.
         duplicates: frames with the picture of another.
     """
 
@@ -125,6 +129,7 @@ class VideoReport:
     worst_reprojection: float = NAN
     lens: dict[str, float] = field(default_factory=dict)
     lens_pairs: int = 0
+    flow: float = NAN
     duplicates: int = 0
     findings: list[Finding] = field(default_factory=list)
 

@@ -7,27 +7,33 @@ import numpy as np
 from jaxtyping import Bool
 
 from col3d.checks import DataError
-from col3d.data.c3vd import C3VD, C3VDv2
+from col3d.data.c3vd import C3VD, C3VDv2, decoded_flow
 from col3d.data.files import check_header
 from col3d.data.frames import Depth, Frame, FrameSet
 from col3d.data.octagon import octagon_mask
 from col3d.data.verify.conventions import angles_of, off_lengths
 from col3d.data.verify.decode import read_whole
 from col3d.data.verify.findings import Finding, FrameReport
+from col3d.data.verify.reproject import Pose, flow_error
 
 MOST_OUTSIDE = 0.005
 """Share of depth outside the octagon; C3VD's own frames have 0.0004."""
 LENGTH_TOLERANCE = 0.01
+MOST_FLOW = 0.5
+"""Pixels; a step of the code is 0.0006, a phantom's flow is off by 0.001."""
 TYPES = {8: np.uint8, 16: np.uint16}
 
 
-def check_frame(frames: FrameSet, frame: Frame, in_full: bool) -> tuple[FrameReport, Depth | None]:
+def check_frame(
+    frames: FrameSet, frame: Frame, in_full: bool, poses: tuple[Pose, Pose] | None = None
+) -> tuple[FrameReport, Depth | None]:
     """What comes of one frame, and its depth where there is any.
 
     Args:
         frames: of the data set.
         frame: with the files at hand.
         in_full: decode them; otherwise their headers and lengths are checked.
+        poses: its own and that of the frame before, for its flow.
     """
     report = FrameReport(frame.video, frame.number, in_full)
     pixels = {kind: _read(frames, kind, path, report) for kind, path in frame.files.items()}
@@ -39,6 +45,8 @@ def check_frame(frames: FrameSet, frame: Frame, in_full: bool) -> tuple[FrameRep
     _check_depth(frames, frame.files["depth"], depth, report)
     if (normals := pixels.get("normals")) is not None:
         _check_normals(frames, frame.files["normals"], normals, depth, report)
+    if (flow := pixels.get("flow")) is not None:
+        _check_flow(frames, frame.files["flow"], flow, depth, poses, report)
     return report, depth if depth.known.any() else None
 
 
@@ -104,6 +112,28 @@ def _share_outside(known: Bool[np.ndarray, "h w"]) -> float:
     height, width = known.shape
     outside = ~octagon_mask((height, width))[0].numpy()
     return float(np.count_nonzero(known & outside)) / max(1, int(np.count_nonzero(known)))
+
+
+def _check_flow(
+    frames: FrameSet,
+    path: Path,
+    codes: np.ndarray,
+    depth: Depth,
+    poses: tuple[Pose, Pose] | None,
+    report: FrameReport,
+) -> None:
+    """Flow against the motion of the surface that depth and poses tell of."""
+    if codes[..., 2].any():
+        report.fault("flow", f"{path}: expected flow in red and green alone, and blue is not 0 everywhere")
+    if poses is None:
+        return
+    report.flow = flow_error(depth, *decoded_flow(codes), poses, frames.camera)
+    if report.flow > MOST_FLOW:
+        report.fault(
+            "flow",
+            f"{path}: expected the motion to the frame before, as depth and poses tell it, and flow is "
+            f"{report.flow:.2f} px off in the median (at most {MOST_FLOW})",
+        )
 
 
 def _check_normals(

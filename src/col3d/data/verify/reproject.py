@@ -52,10 +52,8 @@ def carry(first: Depth, second: Depth, poses: tuple[Pose, Pose], camera: Camera)
         poses: camera to world of both.
         camera: that took them.
     """
-    points = _lifted(first, camera)
-    second_from_first = np.linalg.inv(poses[1]) @ poses[0]
-    moved = second_from_first[:3, :3] @ points + second_from_first[:3, 3:]
-    pixels = camera.project(torch.from_numpy(moved.T.copy())).numpy()
+    _, points = _lifted(first, camera)
+    moved, pixels = _moved(points, poses, camera)
     there, bend, seen = _between(second, pixels)
     return Carried(points.shape[1], moved[2][seen], there[seen], bend[seen])
 
@@ -92,15 +90,48 @@ def surface_error(first: Depth, second: Depth, poses: tuple[Pose, Pose], camera:
     return float(np.median(np.abs(carried.z - carried.there)[kept]))
 
 
-def _lifted(depth: Depth, camera: Camera) -> Float64[np.ndarray, "3 n"]:
-    """Points in camera axes, on a grid of pixels."""
+def flow_error(
+    depth: Depth, flow: np.ndarray, known: np.ndarray, poses: tuple[Pose, Pose], camera: Camera
+) -> float:
+    """Median distance in pixels between stored flow and the motion that depth and poses tell of.
+
+    Args:
+        depth: of a frame.
+        flow: (h, w, 2), where its pixels were in the frame before, minus where they are.
+        known: where that is known.
+        poses: camera to world of the frame, and of the one before.
+        camera: that took them.
+
+    Returns:
+        NaN where too little is known.
+    """
+    pixels, points = _lifted(depth, camera)
+    u, v = pixels.T.astype(int)
+    compared = known[v, u]
+    if np.count_nonzero(compared) < ENOUGH_SEEN * max(1, len(pixels)):
+        return NAN
+    _, before = _moved(points[:, compared], poses, camera)
+    motion = before - pixels[compared]
+    return float(np.median(np.linalg.norm(flow[v, u][compared] - motion, axis=1)))
+
+
+def _moved(
+    points: Float64[np.ndarray, "3 n"], poses: tuple[Pose, Pose], camera: Camera
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points of one camera in the other's axes (3, n), and the pixels at which it sees them (n, 2)."""
+    second_from_first = np.linalg.inv(poses[1]) @ poses[0]
+    moved = second_from_first[:3, :3] @ points + second_from_first[:3, 3:]
+    return moved, camera.project(torch.from_numpy(moved.T.copy())).numpy()
+
+
+def _lifted(depth: Depth, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """Pixels (n, 2) of a grid, and their points (3, n) in camera axes."""
     step = max(1, camera.size_hw[0] // SPACING)
     v, u = np.mgrid[tuple(slice(step // 2, side, step) for side in camera.size_hw)]
     known = depth.known[v, u]
-    pixels = torch.from_numpy(np.stack([u[known], v[known]], axis=1).astype(np.float64))
-    rays = camera.unproject(pixels).numpy().T
-    lifted: np.ndarray = rays / rays[2] * depth.mm[v, u][known]
-    return lifted
+    pixels = np.stack([u[known], v[known]], axis=1).astype(np.float64)
+    rays = camera.unproject(torch.from_numpy(pixels)).numpy().T
+    return pixels, rays / rays[2] * depth.mm[v, u][known]
 
 
 def _between(depth: Depth, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -29,7 +29,7 @@ class Chunk:
         frames: to check.
         following: the one behind them, whose depth the last is compared with.
         in_full: numbers of those to decode.
-        poses: of those that have one.
+        poses: of those that have one, and of the frame before the first.
     """
 
     frames: tuple[Frame, ...]
@@ -92,7 +92,7 @@ def _chunks(listed: Sequence[Frame], poses: Mapping[int, Pose], fast: bool) -> l
     for start in range(0, len(listed), CHUNK):
         of_it, behind = tuple(listed[start : start + CHUNK]), listed[start + CHUNK : start + CHUNK + 1]
         numbers = {frame.number for frame in (*of_it, *behind)}
-        theirs = {number: pose for number, pose in poses.items() if number in numbers}
+        theirs = {number: pose for number, pose in poses.items() if numbers & {number, number + 1}}
         chunks.append(Chunk(of_it, behind[0] if behind else None, in_full & numbers, theirs))
     return chunks
 
@@ -117,7 +117,9 @@ def check_chunk(frames: FrameSet, chunk: Chunk, frame_done: Callable[[], None]) 
     reports: list[FrameReport] = []
     before: Depth | None = None
     for frame in chunk.frames:
-        report, depth = check_frame(frames, frame, frame.number in chunk.in_full)
+        both = (chunk.poses.get(frame.number), chunk.poses.get(frame.number - 1))
+        moved = None if both[0] is None or both[1] is None else (both[0], both[1])
+        report, depth = check_frame(frames, frame, frame.number in chunk.in_full, moved)
         if before is not None and depth is not None:
             _compare(frames.camera, chunk.poses, reports[-1], (before, depth), frame.number)
         reports.append(report)

@@ -1,21 +1,54 @@
-"""What one process checks at a time: a chunk of a video's frames, or the lens of a whole video."""
+"""What one process checks at a time: a chunk of a video's frames, or what belongs to a video as a whole."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
+from col3d.checks import DataError
+from col3d.data.coverage_mesh import COVERAGE_MESH, read_coverage_mesh
 from col3d.data.frames import FrameSet
-from col3d.data.verify.findings import FrameReport
+from col3d.data.verify.findings import Finding, FrameReport
 from col3d.data.verify.lens import LensReport, check_lens
 from col3d.data.verify.video import Chunk, Plan, check_chunk
 
 
+@dataclass(frozen=True)
+class WholeReport:
+    """What came of a video as a whole.
+
+    Attributes:
+        lens: how well it fits depth and poses.
+        findings: of its coverage mesh.
+    """
+
+    lens: LensReport
+    findings: tuple[Finding, ...]
+
+
 def check(
     frames: FrameSet, part: Chunk | Plan, frame_done: Callable[[], None]
-) -> list[FrameReport] | LensReport:
-    """Check the frames of a chunk, or the lens by a few frames of a plan.
+) -> list[FrameReport] | WholeReport:
+    """Check the frames of a chunk, or lens and coverage mesh of the video of a plan.
 
     Args:
         frames: of the data set.
         part: what to check.
         frame_done: called after each frame of a chunk.
     """
-    return check_lens(frames, part) if isinstance(part, Plan) else check_chunk(frames, part, frame_done)
+    if isinstance(part, Plan):
+        return WholeReport(check_lens(frames, part), tuple(_coverage(part)))
+    return check_chunk(frames, part, frame_done)
+
+
+def _coverage(plan: Plan) -> list[Finding]:
+    """What is wrong with the coverage mesh, where there is one."""
+    path = plan.folder / COVERAGE_MESH
+    if not path.is_file():
+        return []
+    try:
+        mesh = read_coverage_mesh(path)
+    except DataError as error:
+        return [Finding("coverage", str(error), plan.video)]
+    if mesh.observed is None:
+        text = f"{path}: does not say which faces were observed"
+        return [Finding("coverage", text, plan.video, fault=False)]
+    return []
