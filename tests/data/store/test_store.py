@@ -27,7 +27,8 @@ from col3d.data.store import Recipe, Stored, StoredVideo, read_video
 from col3d.data.store import read as reading
 from col3d.data.store import write_video as write_store
 from col3d.data.store.index import Shard
-from col3d.geometry import angle_between
+from col3d.geometry import OmnidirectionalCamera, angle_between
+from col3d.geometry.camera_file import plain_from_camera
 
 SIZE = (48, 64)
 Make = Callable[..., tuple[Resized, StoredVideo]]
@@ -193,8 +194,19 @@ def test_a_recipe_says_in_what_it_differs(make: Make, lens: Any) -> None:
     assert stored.differs(recipe) == ""
     other = Recipe("phantom", (64, 64), "stored", 100.0, lens.resized((64, 64)))
     assert stored.differs(other) == (
-        "data is c3vd, not phantom, size is [48, 64], not [64, 64], another camera"
+        "data is c3vd, not phantom, size is [48, 64], not [64, 64], "
+        "another camera, of another size_hw and centre and stretch"
     )
+
+
+def test_frames_prepared_through_the_transposed_lens_are_stale(make: Make, lens: Any) -> None:
+    """Those of before the stretch matrix of C3VD's lens was corrected."""
+    frames, stored = make()
+    before = OmnidirectionalCamera.c3vd().stretch_forms()["[[c, d], [e, 1]]"]
+    before = before.resized(lens.size_hw).resized(SIZE)
+    recipe = {**stored.recipe, "camera": plain_from_camera(before)}
+    earlier = StoredVideo(**{**stored.__dict__, "recipe": recipe})
+    assert earlier.differs(recipe_of(frames, "stored")) == "another camera, of another stretch"
 
 
 def test_arrays_are_plain_numpy_files(make: Make) -> None:

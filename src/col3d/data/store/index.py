@@ -146,15 +146,17 @@ class StoredVideo:
         return [path for path, shard in paths.items() if crc32_of(path) != shard.crc32]
 
     def differs(self, recipe: Recipe) -> str:
-        """In what it is not as a recipe asks, or nothing."""
-        asked = recipe.plain()
-        names = [name for name in asked if self.recipe.get(name) != asked[name]]
-        return ", ".join(
-            f"{name} is {self.recipe.get(name)}, not {asked[name]}"
-            if name not in ("camera", "resize")
-            else f"another {name}"
-            for name in names
-        )
+        """Fields that differ from those of a recipe, or nothing."""
+        wanted = recipe.plain()
+        names = [name for name in wanted if self.recipe.get(name) != wanted[name]]
+        return ", ".join(self._difference(name, wanted[name]) for name in names)
+
+    def _difference(self, name: str, wanted: Any) -> str:
+        there = self.recipe.get(name)
+        if name == "camera" and isinstance(there, dict):
+            fields = [field for field in wanted if there.get(field) != wanted[field]]
+            return f"another camera, of another {' and '.join(fields)}"
+        return f"another {name}" if name == "resize" else f"{name} is {there}, not {wanted}"
 
     def stale(self, root: Path, frames: Sequence[Frame]) -> str:
         """Which source file has changed since, or nothing.
