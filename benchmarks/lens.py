@@ -2,10 +2,10 @@
 
     python -m benchmarks.lens /path/to/C3VD cecum_t1_a --every 60
 
-Prints tables in Markdown. The first is of all ordered pairs of every n-th frame, by how many frames lie between
-them: the median over pairs of the median |z - depth there| in mm, and the range over pairs; points are every
-hundredth pixel that lies on a smooth surface which both frames see, or in the last column every one that falls
-into the other frame. The second, where the video stores normals, is their median angle to those of the depth.
+Prints tables in Markdown. The first is of all ordered pairs of every n-th frame, by how many frames they are
+apart: the median over pairs of the median |z - depth there| in mm, and the range over pairs; points are every
+hundredth pixel that lies on a smooth surface which both frames see, or in the last column every one that
+falls into the other frame. The second, where the video stores normals, is their median angle to those of the depth.
 """
 
 import argparse

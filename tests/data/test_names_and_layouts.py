@@ -65,6 +65,7 @@ def test_one_video_under_any_name_in_any_layout(
             assert found["video"] == "cecum_t1_a"
             assert all(torch.equal(found[key], item[key]) for key in ("image", "depth", "normals", "mask"))
         assert torch.equal(frames.poses("cecum_t1_a"), poses)
+        assert torch.equal(frames.poses("c0_cecum_t1_v1"), poses)
         occlusion = frames.occlusion(0)
         assert occlusion is not None
         assert occlusion[0, 54:].all()

@@ -7,8 +7,9 @@ from pathlib import Path
 from col3d.app.config import SourceOptions
 from col3d.checks import DataError
 from col3d.data.frames import FrameSet
-from col3d.data.splits import selection_of_any_video
+from col3d.data.splits import check_end, selection_of_any_video
 from col3d.data.store import Recipe, Stored, StoredVideo, read_video
+from col3d.data.videos import frames_of
 
 KNOWN = ".col3d_stores.json"
 """In the root of a data set: where its frames were prepared, other than beside it."""
@@ -102,7 +103,9 @@ def _fitting(
         if release not in ("auto", video.release) and video.release:
             return f"{selection.video} was prepared as release {video.release}, not {release}"
         numbers = [number for number in video.frames if number in selection]
-        if frames.root.is_dir():
+        if not frames.root.is_dir():
+            check_end(selection, max(*video.frames, (frames_of(video.video) or 0) - 1))
+        else:
             found = frames.find(entry)
             if stale := video.stale(frames.root, found):
                 return stale

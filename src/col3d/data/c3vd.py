@@ -168,9 +168,12 @@ class C3VD(FrameSet):
         """Camera-to-world matrices of a whole video, (n, 4, 4) float64 in mm; line k belongs to frame k.
 
         Raises:
-            DataError: pose.txt is missing or malformed.
+            DataError: there is no such video, or its pose.txt is missing or malformed.
         """
-        path = self.folders[video] / "pose.txt"
+        folder = self.folders.get(canonical_name(video))
+        if folder is None:
+            raise DataError(f"{self.root / video}: no such video")
+        path = folder / "pose.txt"
         try:
             lines = path.read_text(encoding="utf-8").rstrip().splitlines()
             rows = [[float(number) for number in line.split(",")] for line in lines]
