@@ -1,5 +1,6 @@
 """Files of torch.export: a program that torch runs without this code."""
 
+import io
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -18,7 +19,9 @@ def write_program(program: ExportedProgram, path: Path, facts: Mapping[str, Any]
     It is read by `torch.export.load(path, extra_files={"col3d.json": ""}).module(check_guards=False)`: guards
     are of the memory's layout in the trace, and would refuse other sizes.
     """
-    torch.export.save(program, path, extra_files={FACTS: json.dumps(facts)})
+    content = io.BytesIO()  # torch ends the whole process where it cannot write to a disk
+    torch.export.save(program, content, extra_files={FACTS: json.dumps(facts)})
+    path.write_bytes(content.getbuffer())
 
 
 class ProgramFile:

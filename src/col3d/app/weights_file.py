@@ -1,5 +1,6 @@
 """A checkpoint that holds a network alone, in half precision: to predict with, not to train on."""
 
+import io
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -43,14 +44,17 @@ def write_weights(source: Path, path: Path) -> float:
         "output_dir": f"runs/{Path(options.output_dir).name}",
         "model": options.model.model_copy(update={"pretrained": None}),
     }
-    about = checkpoint.get("about") or {}
+    said = checkpoint.get("about")
+    about = said if isinstance(said, dict) else {}
     content: dict[str, Any] = {
         "state_dict": {name: _halved(values) for name, values in task.state_dict().items()},
         "epoch": checkpoint["epoch"],
         "hyper_parameters": {"options": options.model_copy(update=elsewhere).model_dump()},
         "about": {name: about[name] for name in KEPT if name in about},
     }
-    torch.save(content, path)
+    saved = io.BytesIO()  # where a disk is full, torch says something else
+    torch.save(content, saved)
+    path.write_bytes(saved.getbuffer())
     difference = _difference(learnt(source), learnt(path))
     if not difference < SAME:
         raise UserError(

@@ -12,7 +12,7 @@ from PIL import Image, UnidentifiedImageError
 from PIL.TiffImagePlugin import TiffImageFile
 
 from col3d.checks import DataError
-from col3d.data.formats import IMAGE_FORMATS
+from col3d.formats import IMAGE_FORMATS
 
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)  # each TIFF of C3VD has a harmless tag
 logging.getLogger("tifffile").setLevel(logging.CRITICAL)  # what it warns of, the decoder says

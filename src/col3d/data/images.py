@@ -1,6 +1,7 @@
 """Images from anywhere: a file, a folder, a pattern, a video file, or a video of C3VD, one by one."""
 
 import glob
+import os
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
@@ -13,7 +14,7 @@ from PIL import Image
 
 from col3d.checks import DataError
 from col3d.data.c3vd import C3VD, C3VDv2
-from col3d.data.formats import IMAGE_FORMATS, open_video
+from col3d.formats import IMAGE_FORMATS, open_video
 
 IMAGE_ENDINGS = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
 VIDEO_ENDINGS = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".wmv", ".ogv")
@@ -198,12 +199,18 @@ def _by_numbers(path: Path) -> list[tuple[int, int, str]]:
 
 def _names(paths: Sequence[Path]) -> list[str]:
     """Stems; where two files share one, as much of their paths as tells them apart."""
-    stems = [path.stem for path in paths]
+    stems = [_in_utf8(path.stem) for path in paths]
     if len(set(stems)) == len(stems):
         return stems
     absolute = [path.absolute() for path in paths]
     shared = Path(*_common([path.parent.parts for path in absolute]))
-    return _told_apart(["_".join(path.relative_to(shared).parts).replace(".", "_") for path in absolute])
+    parts = [path.relative_to(shared).parts for path in absolute]
+    return _told_apart([_in_utf8("_".join(of_it)).replace(".", "_") for of_it in parts])
+
+
+def _in_utf8(name: str) -> str:
+    """A name of which every byte that is no UTF-8 became a question mark of Unicode's."""
+    return os.fsencode(name).decode("utf-8", "replace")
 
 
 def _told_apart(names: Sequence[str]) -> list[str]:

@@ -49,7 +49,8 @@ def serve(given: Mapping[str, Any]) -> None:
 
     pinhole = options.camera if isinstance(options.camera, list) else []
     camera = PINHOLE if pinhole else str(options.camera or UNKNOWN)
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda *_: sys.exit(TERMINATED))
     print(f"{network.name} of {checkpoint}: http://{HOST}:{options.port} (Ctrl-C ends it)", flush=True)
     with tempfile.TemporaryDirectory(prefix="col3d-") as folder:
         uploads, examples = Path(folder) / "uploads", Path(folder) / "examples"

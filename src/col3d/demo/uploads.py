@@ -12,9 +12,9 @@ from PIL import Image
 from col3d.checks import DataError
 from col3d.data.c3vd import MAX_DEPTH
 from col3d.data.files import read_any
-from col3d.data.formats import IMAGE_FORMATS, open_video
 from col3d.data.images import VIDEO_ENDINGS, VideoFile, check_sides, read_image
 from col3d.data.release import FULL_CODE
+from col3d.formats import IMAGE_FORMATS, open_video
 
 MOST_BYTES, MOST_PIXELS = 50_000_000, 25_000_000
 MOST_SECONDS, MOST_FRAMES = 10, 150

@@ -120,6 +120,8 @@ def environment(name: str) -> Environment:
         "interval": render.interval,
         "paper": render.paper,
         "markdown": render.markdown,
+        "as_text": render.as_text,
+        "as_code": render.as_code,
         "marks": marks,
         "data_uri": data_uri,
     }

@@ -21,11 +21,10 @@ from col3d.reports.page import data_uri, environment
 from col3d.reports.per_frame import DEPTH_METRICS, NORMAL_METRICS
 from col3d.reports.runs import Run
 from col3d.reports.scenes import Scene, read_frame
+from col3d.reports.shapes import read_object
 from col3d.reports.summary import HEADINGS, rows_of
 
 PAGE = "run.html"
-NEEDED = {"model", "data", "split", "seed", "protocol", "frames", "metrics", "videos"}
-"""What a summary has."""
 
 
 def write_run_page(folder: Path) -> Path:
@@ -75,12 +74,10 @@ def as_script(scenes: Sequence[Scene]) -> Markup | None:
 
 def _read_summary(folder: Path) -> dict[str, Any]:
     try:
-        found: dict[str, Any] = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        found = {}
-    if not isinstance(found, dict) or not found.keys() >= NEEDED:
-        raise UserError(f"{folder}: no finished run, summary.json is missing or broken")
-    return found
+        return read_object(folder / "summary.json")
+    except (OSError, ValueError) as error:
+        why = error.strerror if isinstance(error, OSError) else error
+        raise UserError(f"{folder}: no finished run, summary.json is missing or broken ({why})") from None
 
 
 def _tables(summary: dict[str, Any]) -> list[dict[str, Any]]:
