@@ -19,6 +19,7 @@ from col3d.reports.figures.style import VERMILLION, Style
 from col3d.reports.figures.training_curves import curves, draw_methods
 from col3d.reports.page import data_uri, environment
 from col3d.reports.per_frame import DEPTH_METRICS, NORMAL_METRICS
+from col3d.reports.places import command_without_places, without_places
 from col3d.reports.runs import Run
 from col3d.reports.scenes import Scene, read_frame
 from col3d.reports.shapes import read_object
@@ -46,14 +47,17 @@ def write_run_page(folder: Path) -> Path:
     except yaml.YAMLError:
         raise UserError(f"{config}: not YAML") from None
     panels = sorted((folder / "panels").glob("*.png"))
+    shown = without_places(summary)
+    if summary.get("command"):
+        shown["command"] = command_without_places(summary["command"])
     facts = {
         "title": "{model} on {data}, {split} split, seed {seed}".format(**summary),
-        "summary": summary,
+        "summary": shown,
         "tables": _tables(summary),
         "curves": _curves(Run(folder, options, summary, {}, folder.name)),
         "panels": [(path.stem, data_uri(path)) for path in panels],
         "scenes": as_script([read_frame(path) for path in sorted((folder / "panels").glob("*.npz"))]),
-        "config": yaml.safe_dump(options, sort_keys=False) if options else "",
+        "config": yaml.safe_dump(without_places(options), sort_keys=False) if options else "",
     }
     return write_page(folder / PAGE, "run.html", facts)
 

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
+Count = Annotated[int, Field(ge=0, lt=2**63)]
 Scores = dict[str, Finite | None]
 """By name; null where a number was not finite."""
 
@@ -19,12 +20,12 @@ class _Shape(BaseModel):
 
 class _Status(_Shape):
     state: str = ""
-    seconds: Finite = 0.0
-    sessions: int = 0
-    epoch: int = 0
-    epochs: int | None = None
+    seconds: Annotated[Finite, Field(ge=0)] = 0.0
+    sessions: Count = 0
+    epoch: Count = 0
+    epochs: Count | None = None
     host: str = ""
-    process: int = 0
+    process: Count = 0
     error: str = ""
 
 
@@ -37,22 +38,37 @@ class _Plan(_Shape):
     jobs: dict[str, list[str]] = {}
 
 
+class _Video(_Shape):
+    frames: Count
+    __pydantic_extra__: Scores = Field(init=False)
+
+
+class _Cost(_Shape):
+    parameters: Count = 0
+    gflop: Finite | None = None
+    frames_per_second: Finite | None = None
+    size: Annotated[list[Count], Field(min_length=2, max_length=2)] | None = None
+
+
 class _Summary(_Shape):
     model: str
-    seed: int | None
+    seed: Count | None
     data: str
     split: str
     protocol: str
-    frames: Annotated[int, Field(ge=0)]
+    frames: Count
     metrics: Scores
-    videos: dict[str, Scores]
+    videos: dict[str, _Video]
     split_name: str = ""
     average: str = ""
-    frames_without_truth: int = 0
+    frames_without_truth: Count = 0
     baseline: Scores = {}
     best: Scores | None = None
-    size: list[int] | None = None
-    versions: dict[str, str] | None = None
+    size: list[Count] | None = None
+    versions: dict[str, str] = {}
+    parameters: Count = 0
+    cost: _Cost | None = None
+    frames_by_split: dict[str, Count] = {}
     command: str | None = None
     commit: str | None = None
     checkpoint: str | None = None

@@ -108,5 +108,5 @@ def _cells(values: Mapping[str, Any], metrics: Sequence[str]) -> list[str]:
     return [_cell(values[name], DECIMALS.get(name, 3)) if name in values else "-" for name in metrics]
 
 
-def _cell(value: float | None, decimals: int) -> str:
+def _cell(value: float | int | None, decimals: int) -> str:
     return "nan" if value is None else f"{value:.{decimals}f}"

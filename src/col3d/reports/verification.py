@@ -16,6 +16,7 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
+from col3d.reports.places import without_places
 from col3d.reports.screen import plain_console
 from col3d.reports.summary import LOG_WIDTH
 
@@ -165,7 +166,8 @@ def write_page(path: Path, facts: Mapping[str, Any], pictures: Sequence[Picture]
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.globals |= {"cells": cells, "strip": strip}
+    environment.globals |= {"cells": cells, "strip": strip, "without_places": without_places}
+    facts = without_places(facts)
     text = environment.get_template("verify.html.j2").render(
         facts=facts,
         title=_title(facts),
