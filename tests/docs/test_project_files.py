@@ -80,20 +80,14 @@ def test_actions_are_pinned_by_commit() -> None:
 
 def test_the_container_runs_as_a_user_and_installs_by_hashes() -> None:
     lines = (PROJECT / "Dockerfile").read_text(encoding="utf-8").splitlines()
-    assert any(
-        line.startswith("USER ") and line != "USER root" for line in lines[: lines.index(next_entry(lines))]
-    )
+    before = lines[: next(place for place, line in enumerate(lines) if line.startswith("ENTRYPOINT"))]
+    assert [line for line in before if line.startswith("USER ")][-1:] not in ([], ["USER root"])
+    ours = "--no-deps --no-build-isolation -e ."
     installs = [line for line in lines if "pip install" in line]
-    assert all(
-        "--require-hashes" in line or "--no-deps --no-build-isolation -e ." in line for line in installs
-    )
+    assert all("--require-hashes" in line or ours in line for line in installs)
     copied = {word for line in lines if line.startswith("COPY ") for word in line.split()[1:-1]}
     kept = (PROJECT / ".dockerignore").read_text(encoding="utf-8").splitlines()
     assert {f"!{word}" for word in copied} <= set(kept)
-
-
-def next_entry(lines: list[str]) -> str:
-    return next(line for line in lines if line.startswith("ENTRYPOINT"))
 
 
 def test_no_second_index_is_mixed_in() -> None:
