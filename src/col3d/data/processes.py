@@ -17,7 +17,7 @@ import cv2
 import torch
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from col3d.checks import UserError
+from col3d.checks import UserError, naming
 
 POLL_SECONDS = 0.2
 PARTIAL = ".partial-"
@@ -142,7 +142,8 @@ def whole_folder(folder: Path) -> Iterator[Path]:
     shutil.rmtree(partial, ignore_errors=True)
     partial.mkdir(parents=True)
     try:
-        yield partial
+        with naming(folder):
+            yield partial
         shutil.rmtree(folder, ignore_errors=True)
         partial.replace(folder)
     finally:
