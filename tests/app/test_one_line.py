@@ -93,14 +93,15 @@ def test_the_table_inside_a_checkpoint(rows: Any, tmp_path: Path) -> None:
     "override",
     [
         "optimizer.lr=1e38",
-        "optimizer.weight_decay=1e30",
+        "optimizer.weight_decay=1e31",
         "loss.lambdas=[1e300,1,1]",
         f"data.batch_size={10**20}",
     ],
 )
 def test_numbers_beyond_all_bounds(override: str) -> None:
     option = override.partition("=")[0]
-    with pytest.raises(UserError, match=rf"^{option}: expected numbers between -1e\+18 and 1e\+18, got "):
+    said = rf"^{option}: expected numbers between -1e\+(18|30) and 1e\+(18|30), got "
+    with pytest.raises(UserError, match=said):
         check_options(TrainOptions, composed("train", override, "output_dir=runs/x"))
 
 
@@ -151,6 +152,14 @@ def test_memory_that_is_out(wanted: Any) -> None:
         in_a_line("take less"),
     ):
         raise torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 20.00 GiB. GPU 0 has 8 GiB.")
+
+
+def test_a_step_beyond_float32() -> None:
+    weight = torch.nn.Parameter(torch.ones(3))
+    weight.grad = torch.ones(3)
+    optimizer = torch.optim.AdamW([weight], lr=1e38)
+    with pytest.raises(UserError, match=r"^optimizer\.lr, optimizer\.weight_decay: "), in_a_line("take less"):
+        optimizer.step()
 
 
 def test_what_a_user_wrote_keeps_its_traceback() -> None:

@@ -31,7 +31,7 @@ ByName = Field(discriminator="name")
 """Which of several classes of options is meant is told by their name."""
 
 
-LARGEST = 1e18
+LARGEST, LARGEST_WHOLE = 1e30, 1e18
 
 
 class Options(BaseModel):
@@ -44,8 +44,9 @@ class Options(BaseModel):
     def _are_small(cls, value: Any) -> Any:
         """Numbers beyond what torch can take as float32 or as int64 would end in its own words."""
         for number in value if isinstance(value, list) else [value]:
-            if isinstance(number, int | float) and abs(number) > LARGEST:
-                raise PydanticCustomError("too_large", f"numbers between {-LARGEST:g} and {LARGEST:g}")
+            most = LARGEST_WHOLE if isinstance(number, int) else LARGEST
+            if isinstance(number, int | float) and abs(number) > most:
+                raise PydanticCustomError("too_large", f"numbers between {-most:g} and {most:g}")
         return value
 
 

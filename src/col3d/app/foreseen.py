@@ -8,6 +8,7 @@ import torch
 from col3d.callbacks.finite_numbers import DivergedError
 from col3d.checks import UserError, and_beneath
 
+TOO_LARGE = "cannot be converted to type float without overflow"
 OUT_OF_MEMORY = ("can't allocate memory", "not enough memory", "CUDA out of memory", "Unable to allocate")
 """What torch and NumPy say of it, where their errors have no type of their own."""
 PEER_GONE = (
@@ -51,6 +52,8 @@ def _line(error: BaseException, smaller: str) -> str:
         return f"data.workers: {last}; the same command goes on"
     if is_out_of_memory(error):
         return f"memory is out ({_size(error)}); {smaller}"
+    if isinstance(error, RuntimeError) and TOO_LARGE in str(error):
+        return "optimizer.lr, optimizer.weight_decay: a step of them is beyond what float32 holds; lower them"
     lost = isinstance(error, torch.distributed.DistError) or (
         isinstance(error, RuntimeError) and any(sign in str(error) for sign in PEER_GONE)
     )
