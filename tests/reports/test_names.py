@@ -43,7 +43,7 @@ def test_in_a_report(tmp_path: Path) -> None:
     assert "z\\[b\\]x\\*y\\*" in text
     assert "### in \\`\\<b\\>\\` \\_c\\_\n" in text
     assert "* cut \\[off\\](a): " in text
-    assert "* command: ``` python `train.py` ``x`` ```\n" in text
+    assert "* command: ``` python '`train.py`' '``x``' ```\n" in text
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert "in `&lt;b&gt;` _c_" in page
 
