@@ -4,6 +4,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
+PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 ARGS ?=
 PRESET ?= laptop
 DATA ?= phantom
@@ -12,13 +13,22 @@ ROOT ?=
 help:  ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
 
-$(READY): pyproject.toml constraints.txt
+$(READY): pyproject.toml constraints.txt locks/dev.txt
 	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(None if v >= (3, 11) else f"col3d needs Python 3.11 or newer, but $(PYTHON) is {v[0]}.{v[1]}; say make PYTHON=python3.12")'
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+ifdef TORCH_INDEX
+	PIP_EXTRA_INDEX_URL= $(PIP) install --no-deps --index-url $(TORCH_INDEX) $$(grep -E '^torch(vision)?==' constraints.txt)
+endif
+ifdef LOCKED
+	$(PIP) install --require-hashes --no-deps -r locks/build.txt
+	$(PIP) install --require-hashes --no-deps --no-build-isolation -r locks/dev.txt
+	$(PIP) install --no-deps --no-build-isolation -e .
+else
+	$(PIP) install -c constraints.txt -e '.[dev]'
+endif
 	@touch $@
 
-setup: $(READY)  ## Create .venv with the exact versions of constraints.txt
+setup: $(READY)  ## Create .venv with the versions of constraints.txt (LOCKED=1 checks the hash of each file)
 
 phantom: $(READY)  ## Render the colon that training uses when there is no C3VD
 	$(BIN)/python prepare.py data=phantom $(ARGS)

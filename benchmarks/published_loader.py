@@ -18,6 +18,7 @@ from torchvision.transforms import InterpolationMode
 from torchvision.transforms import functional as transform
 
 from col3d.data.frames import FrameSet
+from col3d.formats import IMAGE_FORMATS
 
 MAX_CODE = 65535
 MEAN, STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
@@ -46,8 +47,8 @@ class PublishedLoader(Dataset[dict[str, Tensor]]):
 
     def __getitem__(self, index: int) -> dict[str, Tensor]:
         files = self.files[index]
-        image: Image.Image = Image.open(files["color"])
-        depth: Image.Image = Image.open(files["depth"])
+        image: Image.Image = Image.open(files["color"], formats=IMAGE_FORMATS)
+        depth: Image.Image = Image.open(files["depth"], formats=IMAGE_FORMATS)
         stored = cv2.imread(str(files["normals"]), cv2.IMREAD_UNCHANGED)
         assert stored is not None
         normals = stored[..., ::-1].astype(np.float32) / MAX_CODE * 2 - 1

@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from rich.console import Console
 from rich.table import Table
 
 from benchmarks.timing import Spread, spread_of
 from col3d.app.provenance import commit, versions
+from col3d.reports.screen import plain_console
 
 WIDTH = 100
 TOLERANCE = 0.15
@@ -69,7 +69,7 @@ def times(table: str, seconds: Mapping[str, Sequence[float]]) -> list[Row]:
 
 def show(rows: Iterable[Row]) -> None:
     """Print the tables."""
-    console = Console(width=WIDTH)
+    console = plain_console(WIDTH)
     for title, group in groupby(rows, key=lambda line: line.table):
         table = Table(title=title, title_justify="left", box=None, pad_edge=False)
         table.add_column(min_width=45)

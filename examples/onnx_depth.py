@@ -10,7 +10,7 @@ from PIL import Image
 model, source, target = sys.argv[1:]
 session = onnxruntime.InferenceSession(model)
 facts = session.get_modelmeta().custom_metadata_map
-image = Image.open(source).convert("RGB")
+image = Image.open(source, formats=["PNG", "JPEG", "BMP", "TIFF", "WEBP"]).convert("RGB")
 height, width = json.loads(facts["trained_size"])  # any size runs; this one was trained
 seen = np.asarray(image.resize((width, height), Image.Resampling.BILINEAR), np.float32) / 255
 (depth,) = session.run(["depth"], {"image": seen.transpose(2, 0, 1)[None]})

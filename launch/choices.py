@@ -6,12 +6,14 @@ from col3d.checks import nearest_name
 from launch.files import CONF, names_in
 from launch.refusals import refuse
 
+TAKE_A_WORD = ("--config-dir", "-cd", "--config-path", "-cp", "--config-name", "-cn", "--package", "-p")
+"""Hydra's own options after which a word follows."""
 MAY_BE_NULL = [(group, "null") for group in ("experiment", "variant", "data")]
 
 
 def check_choices(arguments: list[str]) -> None:
     """Refuse a group that is given a list or nothing: Hydra would take the last of a list without a word."""
-    for argument in arguments:
+    for argument in _overrides(arguments):
         group, _, choice = argument.partition("=")
         if (CONF / group).is_dir() and group and re.match(r"[\[\d]|(null|none)?$", choice):
             known = names_in(group)
@@ -19,6 +21,16 @@ def check_choices(arguments: list[str]) -> None:
                 refuse(
                     f"{group}: expected one of {', '.join(known)}, got {choice!r}; sweep with -m {group}=a,b"
                 )
+
+
+def _overrides(arguments: list[str]) -> list[str]:
+    """All but the options that begin with a dash, and the words that belong to those."""
+    before = ["", *arguments]
+    return [
+        argument
+        for last, argument in zip(before, arguments, strict=False)
+        if not argument.startswith("-") and last not in TAKE_A_WORD
+    ]
 
 
 def as_groups(argument: str) -> list[str]:

@@ -1,5 +1,6 @@
 """The Hydra side of every entry point: compose, refuse bad input in a line, hand plain values on."""
 
+import io
 import os
 import signal
 import sys
@@ -30,6 +31,7 @@ from launch.refusals import explain, refuse
 BAD_INPUT = (DataError, UserError, OSError)
 PROCESSES = ("LOCAL_RANK", "NODE_RANK", "WORLD_SIZE", "MASTER_ADDR", "MASTER_PORT")
 """What Lightning tells its other processes, and its own next Trainer."""
+INTERRUPTED = 130
 POLL_SECONDS = 1.0
 SCRATCH = "search"
 """Values of a sweeper that others are computed from; no program takes them."""
@@ -41,6 +43,9 @@ def launch(config_name: str, run: Run) -> None:
 
     Bad input ends in one line for each fault and exit code 2; any other exception keeps its traceback.
     """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # names of files need not be UTF-8
     os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra hands exceptions on instead of printing them
     os.environ["PYTHONPATH"] = os.pathsep.join([str(CONF.parent), os.environ.get("PYTHONPATH", "")])
     sys.argv[1:] = [text for argument in sys.argv[1:] for text in as_groups(argument)]
@@ -71,6 +76,8 @@ def launch(config_name: str, run: Run) -> None:
         hydra_main(version_base="1.3", config_path=str(CONF), config_name=config_name)(job)()
     except (HydraException, OmegaConfBaseException, *BAD_INPUT) as error:
         refuse(explain(error, config_name))
+    except KeyboardInterrupt:  # before a program of ours listens to it
+        sys.exit(INTERRUPTED)
 
 
 def _look_once() -> None:

@@ -26,7 +26,7 @@ def refuse(message: str) -> None:
 def explain(error: Exception, config_name: str) -> str:
     """Hydra's complaint about the command line as one line, with the nearest valid name."""
     if isinstance(error, OSError) and not isinstance(error, HydraException):  # some of Hydra's are both
-        return f"{error.filename or _folder()}: {error.strerror or error}"
+        return f"{error.filename or _folder()}: {error.strerror}" if error.strerror else str(error)
     while isinstance(error, InterpolationResolutionError) and isinstance(error.__context__, Exception):
         error = error.__context__  # what one of the resolvers says
     if isinstance(error, DataError | UserError):

@@ -2,6 +2,8 @@
 
 import difflib
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
 
 class DataError(ValueError):
@@ -14,6 +16,21 @@ class UserError(Exception):
 
 class TakenError(UserError):
     """Another process is at this job already."""
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Let errors of the disk in the block name a file: a full one does not say of what.
+
+    Raises:
+        OSError: names `path`.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.filename is None and error.errno is not None:  # else its text says it all
+            error.filename = str(path)
+        raise
 
 
 def and_beneath(error: BaseException) -> Iterator[BaseException]:

@@ -1,21 +1,19 @@
 """The page as a visitor sees it, in a browser that reaches this machine alone."""
 
 import json
-import os
 import shutil
-import socket
-import subprocess
-import sys
-import time
+import threading
 import urllib.request
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
 import pytest
+from served import served, until, upload
 
-PROJECT = Path(__file__).parents[2]
-SECONDS = 90
+REBOUND = "elsewhere.test"
+"""A name that a page of others has pointed at this machine."""
 programs = {name: shutil.which(name) for name in ("chromium", "chromedriver")}
 pytestmark = [
     pytest.mark.skipif(None in programs.values(), reason="no Chromium with its driver"),
@@ -23,41 +21,10 @@ pytestmark = [
 ]
 
 
-def until(seen: Callable[[], Any]) -> Any:
-    """What `seen` returns, as soon as it is something."""
-    end = time.monotonic() + SECONDS
-    while not (found := seen()):
-        assert time.monotonic() < end, "nothing happened"
-        time.sleep(0.2)
-    return found
-
-
 @pytest.fixture(scope="module")
 def address(tiny_checkpoint: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    folder = tmp_path_factory.mktemp("served")
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    command = [sys.executable, str(PROJECT / "app.py"), f"checkpoint={tiny_checkpoint}", f"port={port}"]
-    environment = {**os.environ, "OMP_NUM_THREADS": "1", "TMPDIR": str(folder)}
-    with (folder / "log").open("w") as log:
-        server = subprocess.Popen(
-            [*command, "samples=none"], cwd=folder, env=environment, stdout=log, stderr=subprocess.STDOUT
-        )
-
-    def answers() -> bool:
-        assert server.poll() is None, (folder / "log").read_text()
-        with socket.socket() as probe:
-            return probe.connect_ex(("127.0.0.1", port)) == 0
-
-    try:
-        until(answers)
-        yield f"http://127.0.0.1:{port}"
-    finally:
-        server.terminate()
-        server.wait(SECONDS)
-    assert "Traceback" not in (folder / "log").read_text()
-    assert not list(folder.glob("col3d-*")), "uploads are left"
+    with served(tiny_checkpoint, tmp_path_factory.mktemp("served")) as address:
+        yield address
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +33,7 @@ def browser() -> Iterator[Any]:
 
     options = webdriver.ChromeOptions()
     options.binary_location = str(programs["chromium"])
-    nowhere = "--host-resolver-rules=MAP * ~NOTFOUND , EXCLUDE 127.0.0.1"
+    nowhere = f"--host-resolver-rules=MAP {REBOUND} 127.0.0.1, MAP * ~NOTFOUND , EXCLUDE 127.0.0.1"
     drawing = ("--enable-unsafe-swiftshader", "--use-angle=swiftshader", "--window-size=1400,1500")
     for argument in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", *drawing, nowhere):
         options.add_argument(argument)
@@ -133,3 +100,53 @@ def test_the_page_speaks_of_no_other_machine(address: str) -> None:
     for word in ("fonts.googleapis", "fonts.gstatic", "cdn."):
         assert word not in text
     assert '"analytics_enabled":false' in text.replace(" ", "").replace("False", "false")
+
+
+def body(browser: Any) -> str:
+    return str(browser.find_element("css selector", "body").text)
+
+
+def test_nothing_that_was_uploaded_runs(browser: Any, address: str, tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    page.write_text("<script>document.title = 'it ran'; document.body.innerHTML = 'it ran'</script>")
+    for name in ("page.html", "page.svg", "page.xml", "page.png"):
+        path = upload(address, name, page.read_bytes())
+        browser.get("about:blank")
+        browser.get(f"{address}/gradio_api/file={path}")
+        assert browser.title != "it ran"
+        assert "it ran" not in body(browser)
+
+
+def test_a_name_that_was_pointed_here_shows_nothing(browser: Any, address: str) -> None:
+    browser.get(address.replace("127.0.0.1", REBOUND))
+    assert "refused: this page is of this machine alone" in body(browser)
+
+
+def test_a_page_of_others_posts_nothing(browser: Any, address: str, tmp_path: Path) -> None:
+    script = f"""<script>
+        const form = new FormData(); form.append("files", new File(["posted"], "posted.txt"));
+        const upload = "{address}/gradio_api/upload";
+        const asked = [fetch("{address}/config", {{mode: "no-cors"}})];
+        asked.push(fetch(upload, {{method: "POST", mode: "no-cors", body: form}}));
+        asked.push(fetch(upload, {{method: "POST", body: form}}).then(one => one.text()));
+        Promise.allSettled(asked).then(ended => document.title = `all ended: ${{ended.at(-1).value}}`);
+        </script>"""
+
+    class Page(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.send_response(200)
+            self.send_header("Content-Type", "text/html")
+            self.end_headers()
+            self.wfile.write(script.encode())
+
+        def log_message(self, *said: object) -> None:
+            pass
+
+    folder = Path(upload(address, "mine.txt", b"mine")).parents[1]
+    with ThreadingHTTPServer(("127.0.0.1", 0), Page) as other:
+        threading.Thread(target=other.serve_forever, daemon=True).start()
+        browser.get(f"http://127.0.0.1:{other.server_port}")
+        title = until(lambda: browser.title)
+        other.shutdown()
+    assert title == "all ended: refused: a page of another address asks"
+    assert [path.name for path in folder.rglob("*.txt")] == ["mine.txt"]

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from test_launch import call
 from tiny_run import composed
 
 from col3d.app.export import export
-from col3d.app.learnt import learnt
+from col3d.app.learnt import learnt, located
 from col3d.app.same_outputs import compare
 
 PROJECT = Path(__file__).parents[2]
@@ -102,6 +103,26 @@ def test_a_program_file(tiny_checkpoint: Path, tmp_path: Path) -> None:
     torch.testing.assert_close(found["depth"], expected["depth"], atol=1e-3, rtol=0)
     torch.testing.assert_close(found["normals"], expected["normals"], atol=1e-4, rtol=0)
     assert json.loads(facts["col3d.json"])["trained_size"] == [64, 80]
+    with zipfile.ZipFile(path) as archive:
+        for name in archive.namelist():
+            assert str(PROJECT).encode() not in archive.read(name), name
+            assert sys.prefix.encode() not in archive.read(name), name
+
+
+def test_weights_to_share_name_no_place(tmp_path: Path) -> None:
+    content = torch.load(located(Path("shipped")), weights_only=True)
+    secret = "/home/ann/secret"
+    content["about"]["command"] = f"python train.py data.root={secret}/C3VD 'output_dir={secret}/my run'"
+    options = content["hyper_parameters"]["options"]
+    options["data"] |= {"root": f"{secret}/C3VD", "store": f"{secret}/store"}
+    options["output_dir"] = f"{secret}/my run"
+    torch.save(content, tmp_path / "best.ckpt")
+    export(composed("export", f"checkpoint={tmp_path / 'best.ckpt'}", f"output={tmp_path / 'shared.ckpt'}"))
+    written = (tmp_path / "shared.ckpt").read_bytes()
+    for name in (b"/home", b"ann/", b"secret", str(tmp_path).encode()):
+        assert name not in written
+    about = torch.load(tmp_path / "shared.ckpt", weights_only=True)["about"]
+    assert about["command"] == "python train.py data.root=C3VD 'output_dir=my run'"
 
 
 def test_other_networks_are_open_in_their_sizes() -> None:

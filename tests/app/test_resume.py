@@ -99,6 +99,7 @@ def stopped_in(monkeypatch: pytest.MonkeyPatch, where: str, epoch: int, batch: i
     ("where", "epoch", "batch", "signum", "code", "more"),
     [
         ("on_train_batch_start", 1, 0, signal.SIGTERM, 143, []),
+        ("on_train_batch_start", 1, 1, signal.SIGHUP, 143, []),
         ("on_train_batch_start", 1, 1, signal.SIGTERM, 143, ["model=pix2pix"]),
         (
             "on_train_batch_start",

@@ -179,7 +179,7 @@ def test_workers_outlive_the_signals_that_tell_a_training_to_save(item: dict[str
     first = next(batches)
     workers = multiprocessing.active_children()
     assert len(workers) >= 2
-    for number in (signal.SIGTERM, signal.SIGUSR1, signal.SIGINT):
+    for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1, signal.SIGINT):
         script = (
             "import os, sys; [os.kill(int(p), int(sys.argv[1])) for p in sys.argv[2:]]"  # not their parent
         )

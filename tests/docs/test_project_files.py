@@ -46,3 +46,52 @@ def test_hooks_run_programs_of_the_environment() -> None:
     entries = " ".join(hook["entry"] for hook in hooks[0]["hooks"])
     for program in ("ruff check", "ruff format", "mypy", "lint-imports"):
         assert f".venv/bin/{program}" in entries
+
+
+def locked(name: str) -> dict[str, str]:
+    """Versions by name, of a file in which each has hashes."""
+    text = (PROJECT / "locks" / f"{name}.txt").read_text(encoding="utf-8").replace("\\\n", "")
+    lines = [line for line in text.splitlines() if line and not line.startswith("#")]
+    found = [re.fullmatch(r"([\w.-]+)==(\S+)((?: +--hash=sha256:[0-9a-f]{64})+) *", line) for line in lines]
+    assert all(found), next(line for line, match in zip(lines, found, strict=True) if not match)
+    return {canonical(match[1]): match[2] for match in found if match}
+
+
+def canonical(name: str) -> str:
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def test_every_package_is_locked_by_hashes() -> None:
+    constraints = (PROJECT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    pairs = [line.split("==") for line in constraints if not line.startswith("#")]
+    versions = {canonical(name): version for name, version in pairs}
+    dev, train, build = (locked(name) for name in ("dev", "train", "build"))
+    assert dev == versions | build
+    assert train.items() <= dev.items()
+    needed = [canonical(re.split(r"[<>=!\[]", entry)[0]) for entry in METADATA["dependencies"]]
+    assert set(needed) | {"setuptools"} <= set(train)
+
+
+def test_actions_are_pinned_by_commit() -> None:
+    for path in WORKFLOWS:
+        for action in re.findall(r"uses: (.*)", path.read_text(encoding="utf-8")):
+            assert re.fullmatch(r"[\w/-]+@[0-9a-f]{40}  # v\d+\.\d+\.\d+", action), action
+
+
+def test_the_container_runs_as_a_user_and_installs_by_hashes() -> None:
+    lines = (PROJECT / "Dockerfile").read_text(encoding="utf-8").splitlines()
+    before = lines[: next(place for place, line in enumerate(lines) if line.startswith("ENTRYPOINT"))]
+    assert [line for line in before if line.startswith("USER ")][-1:] not in ([], ["USER root"])
+    ours = "--no-deps --no-build-isolation -e ."
+    installs = [line for line in lines if "pip install" in line]
+    assert all("--require-hashes" in line or ours in line for line in installs)
+    copied = {word for line in lines if line.startswith("COPY ") for word in line.split()[1:-1]}
+    kept = (PROJECT / ".dockerignore").read_text(encoding="utf-8").splitlines()
+    assert {f"!{word}" for word in copied} <= set(kept)
+
+
+def test_no_second_index_is_mixed_in() -> None:
+    for path in (*WORKFLOWS, PROJECT / "Dockerfile", PROJECT / "README.md", PROJECT / "Makefile"):
+        for line in path.read_text(encoding="utf-8").splitlines():
+            assert "--extra-index-url" not in line
+            assert "EXTRA_INDEX_URL" not in line or "PIP_EXTRA_INDEX_URL= " in line

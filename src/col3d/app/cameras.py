@@ -52,6 +52,8 @@ def lens_of(option: CameraOption) -> Camera | None:
         return read_camera(Path(option))
     except DataError as error:
         raise UserError(f"camera: {error}") from None
+    except (ArithmeticError, RecursionError) as error:  # numbers without bounds, lists in lists in lists
+        raise UserError(f"camera: {option}: not a camera: {error}") from None
 
 
 def camera_at(lens: Camera, size_hw: tuple[int, int]) -> Camera:

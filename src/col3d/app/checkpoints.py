@@ -94,4 +94,13 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
         raise UserError(f"{path} holds more than tensors and plain values, and is not opened") from None
     if not isinstance(content, dict) or not {"state_dict", "epoch", "loops"} <= content.keys():
         raise UserError(f"{path} is not a checkpoint of a training")
+    if not _are_rows(content.get("rows", [])):
+        raise UserError(f"{path} is not a checkpoint of a training: its table of epochs is broken")
     return content
+
+
+def _are_rows(rows: Any) -> bool:
+    """Whether these are the epochs of a training as `RowsInCheckpoints` keeps them."""
+    return isinstance(rows, list) and all(
+        isinstance(row, dict) and isinstance(row.get("epoch"), int) for row in rows
+    )

@@ -1,6 +1,6 @@
 """Every option with its type and range: the composed configuration is checked before anything is built."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     BaseModel,
@@ -9,8 +9,10 @@ from pydantic import (
     Field,
     PositiveFloat,
     PositiveInt,
+    field_validator,
     model_validator,
 )
+from pydantic_core import PydanticCustomError
 
 from col3d.reports.per_frame import DEPTH_METRICS, NORMAL_METRICS
 
@@ -29,10 +31,23 @@ ByName = Field(discriminator="name")
 """Which of several classes of options is meant is told by their name."""
 
 
+LARGEST, LARGEST_WHOLE = 1e30, 1e18
+
+
 class Options(BaseModel):
     """Base of all groups: nothing that is not declared, nothing changed once checked."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    @field_validator("*")
+    @classmethod
+    def _are_small(cls, value: Any) -> Any:
+        """Numbers beyond what torch can take as float32 or as int64 would end in its own words."""
+        for number in value if isinstance(value, list) else [value]:
+            most = LARGEST_WHOLE if isinstance(number, int) else LARGEST
+            if isinstance(number, int | float) and abs(number) > most:
+                raise PydanticCustomError("too_large", f"numbers between {-most:g} and {most:g}")
+        return value
 
 
 class ModelOptions(Options):

@@ -19,9 +19,11 @@ from col3d.app.learnt import Learnt, learnt, located
 from col3d.app.onnx_file import OnnxFile, write_onnx
 from col3d.app.program_file import ProgramFile, write_program
 from col3d.app.same_outputs import File, Likeness, compare
+from col3d.app.stopping import stoppable
 from col3d.app.traced import LEAST_SIDE, traced
 from col3d.app.train import quiet
 from col3d.app.weights_file import write_weights
+from col3d.callbacks import StopSignals
 from col3d.checks import UserError
 
 FORMATS: dict[str, tuple[Callable[..., None], Callable[[Path], File], str]] = {
@@ -47,20 +49,25 @@ def export(given: Mapping[str, Any]) -> None:
     options = check_options(ExportOptions, given)
     path = Path(options.output)
     _check(path, options.overwrite)
-    if path.suffix == WEIGHTS:
-        _export_weights(options, path)
-        return
+    with stoppable(f"nothing was written to {path}, and the same command begins anew") as stop:
+        if path.suffix == WEIGHTS:
+            _export_weights(options, path, stop)
+        else:
+            _export_program(options, path, stop)
+
+
+def _export_program(options: ExportOptions, path: Path, stop: StopSignals) -> None:
     subject = learnt(Path(options.checkpoint), options.published, options.max_depth, options.size)
-    with _in_place(path) as partial:
+    with _in_place(path, stop) as partial:
         print(f"export: {subject.name} to {path}, which takes a while", flush=True)
         likeness = _write(subject, partial, path.suffix)
     _report(subject, path, likeness)
 
 
-def _export_weights(options: ExportOptions, path: Path) -> None:
+def _export_weights(options: ExportOptions, path: Path, stop: StopSignals) -> None:
     if path.resolve() == located(Path(options.checkpoint)).resolve():
         raise UserError(f"output: {path} is the checkpoint itself, which holds more than its network")
-    with _in_place(path) as partial:
+    with _in_place(path, stop) as partial:
         difference = write_weights(Path(options.checkpoint), partial)
     print(f"wrote {path}, {path.stat().st_size / 1e6:.1f} MB: the network alone, to predict with")
     print(f"largest difference from the checkpoint: {difference:.1e} of the depth, or in a normal")
@@ -77,16 +84,32 @@ def _check(path: Path, overwrite: bool) -> None:
 
 
 @contextmanager
-def _in_place(path: Path) -> Iterator[Path]:
-    """A file beside `path` to write into, which becomes `path` at the end and nothing after an error."""
+def _in_place(path: Path, stop: StopSignals) -> Iterator[Path]:
+    """A file beside `path` to write into, which becomes `path` at the end and nothing after an error.
+
+    Raises:
+        OSError: names `path`.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
     partial.touch()
     try:
         yield partial
+        _on_disk(partial)
         partial.replace(path)
+        stop.hold()  # what is in place is not to be called unwritten
+    except OSError as error:
+        if error.filename in (None, str(partial)):
+            error.filename, error.filename2 = str(path), None
+        raise
     finally:
         partial.unlink(missing_ok=True)
+
+
+def _on_disk(path: Path) -> None:
+    """Some disks say only now that they are full."""
+    with path.open("rb") as file:
+        os.fsync(file.fileno())
 
 
 def _write(subject: Learnt, partial: Path, kind: str) -> Likeness:

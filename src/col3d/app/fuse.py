@@ -1,7 +1,6 @@
 """One surface of a whole video, from its true depth and from a network's, and how far they are apart."""
 
 import os
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -15,9 +14,12 @@ from torch import Tensor
 from col3d.app.cameras import camera_at
 from col3d.app.config import FuseOptions
 from col3d.app.errors import check_options
+from col3d.app.foreseen import in_a_line
 from col3d.app.learnt import SIZE, Learnt, learnt
 from col3d.app.provenance import provenance
+from col3d.app.stopping import stoppable
 from col3d.app.train import check_accelerator, quiet
+from col3d.callbacks import StopSignals
 from col3d.checks import DataError, UserError
 from col3d.data.c3vd import C3VD, C3VDv2
 from col3d.data.coverage_mesh import COVERAGE_MESH, CoverageMesh, read_coverage_mesh
@@ -34,7 +36,6 @@ from col3d.reports.summary import write_json
 if TYPE_CHECKING:
     from col3d.fusion import Surface
 
-INTERRUPTED = 130
 FAR_OFF = 5.0
 """Millimetres at the upper end of the colours of errors."""
 SHOWN = 60_000
@@ -73,15 +74,16 @@ def fuse(given: Mapping[str, Any]) -> None:
     if find_spec("open3d") is None:
         raise UserError("fuse.py needs Open3D: pip install -e '.[fusion]'")
     try:
-        _fuse(options)
+        with (
+            in_a_line("frames=50 fuses fewer frames, voxel=1 in larger steps, far=60 less of them"),
+            stoppable(f"the same command begins anew; nothing new is in {options.output}") as stop,
+        ):
+            _fuse(options, stop)
     except DataError as error:
         raise UserError(str(error)) from None
-    except KeyboardInterrupt:
-        print("stopped", flush=True)
-        sys.exit(INTERRUPTED)
 
 
-def _fuse(options: FuseOptions) -> None:
+def _fuse(options: FuseOptions, stop: StopSignals) -> None:
     output = _checked_room(options)
     network, frames = _network(options), _video(options)
     poses = frames.poses(frames.frames[0].video).numpy()
@@ -103,7 +105,9 @@ def _fuse(options: FuseOptions) -> None:
     found["comparisons"] = _compared(surfaces, wall, options.voxel)
     if wall is not None:
         found["seen_faces"] = None if wall.observed is None else [len(wall.seen), len(wall.triangles)]
+    stop.hold()  # seconds, after which all of it is there
     _write(output, found, surfaces)
+    stop.asked = None  # a signal that came too late for anything to be lost by it
 
 
 def _write(output: Path, found: dict[str, Any], surfaces: Mapping[str, "Surface"]) -> None:

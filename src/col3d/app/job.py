@@ -115,7 +115,7 @@ def _take(path: Path) -> int:
         if left:
             time.sleep(PAUSE)
     said = read_plain(path.with_name(STATUS))
-    who = f" (process {said['process']} on {said['host']})" if "process" in said else ""
+    who = f" (process {said['process']} on {said.get('host', 'some host')})" if "process" in said else ""
     raise TakenError(f"{path.parent} is being trained by another process{who}")
 
 

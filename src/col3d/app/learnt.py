@@ -121,13 +121,23 @@ def learnt(
         raise UserError(f"{option}: our checkpoints know theirs; it is for published weights")
     task, options, checkpoint = trained_task(path)
     height, width = options.data.size
-    about = checkpoint.get("about") or {}
-    cameras = tuple(camera_from_plain(plain) for plain in about.get("cameras", ()))
+    cameras = _cameras(checkpoint, path)
     sources = (options.data, *options.data.also.values())
     trained_on = tuple(dict.fromkeys(source.name for source in sources))
     assert isinstance(task.network, DepthNetwork)
     name, depth = options.model.name, options.model.max_depth
     return Learnt(task.network.eval(), name, (height, width), depth, cameras, trained_on)
+
+
+def _cameras(checkpoint: Mapping[str, Any], path: Path) -> tuple[Camera, ...]:
+    """The cameras of the frames that a checkpoint was trained on, which need not say."""
+    about = checkpoint.get("about") or {}
+    try:
+        return tuple(camera_from_plain(plain) for plain in about.get("cameras", ()))
+    except (AttributeError, TypeError, ValueError, ArithmeticError, RecursionError) as error:
+        raise UserError(
+            f"checkpoint: {path}: what it says about its cameras is not as train.py writes it ({error})"
+        ) from None
 
 
 def trained_task(path: Path) -> tuple[SupervisedTask, TrainOptions, Mapping[str, Any]]:

@@ -44,7 +44,7 @@ def write_onnx(program: ExportedProgram, path: Path, facts: Mapping[str, Any]) -
     model.producer_name, model.producer_version = "col3d", facts["col3d"]
     texts = {name: value if isinstance(value, str) else json.dumps(value) for name, value in facts.items()}
     onnx.helper.set_model_props(model, texts)
-    onnx.save(model, path)
+    path.write_bytes(model.SerializeToString())
 
 
 def _anonymous(model: Any) -> None:

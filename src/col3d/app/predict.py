@@ -1,7 +1,6 @@
 """Depth and normals of any images: read, predict and write, one batch after the other."""
 
 import itertools
-import sys
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
@@ -14,17 +13,19 @@ from col3d.app.cameras import camera_at, lens_of, view_of
 from col3d.app.compiled import compile_network
 from col3d.app.config import PredictOptions
 from col3d.app.errors import check_options
+from col3d.app.foreseen import in_a_line
 from col3d.app.learnt import Learnt, learnt
 from col3d.app.predicted import Predicted
 from col3d.app.prediction_folder import PredictionFolder
+from col3d.app.stopping import stoppable
 from col3d.app.train import check_accelerator, quiet
+from col3d.callbacks import StopSignals
 from col3d.checks import DataError, UserError
 from col3d.data.ahead import ahead
 from col3d.data.images import ImageSource, Shot, image_source
 from col3d.data.processes import frames_bar
 from col3d.geometry import Camera
 
-INTERRUPTED = 130
 READ_AHEAD = 4
 """Images that are decoded while the network is busy."""
 
@@ -41,19 +42,21 @@ def predict(given: Mapping[str, Any]) -> None:
     quiet()
     options = check_options(PredictOptions, given)
     check_accelerator(options.accelerator)
-    source = _source(options)
-    lens = _lens(options, source)
-    network = _network(options, lens)
-    _say_what_holds(network, lens)
-    with PredictionFolder(Path(options.output), options, network, source, lens) as folder:
-        stopped = _run(network, source, lens, options, folder)
-    folder.report(stopped)
+    with stoppable("the same command with overwrite=true predicts all of it") as stop:
+        source = _source(options)
+        lens = _lens(options, source)
+        network = _network(options, lens)
+        _say_what_holds(network, lens)
+        with (
+            in_a_line("batch_size=1 takes least at a time; images can be made smaller first"),
+            PredictionFolder(Path(options.output), options, network, source, lens) as folder,
+        ):
+            _run(network, source, lens, options, folder, stop)
+        folder.report(stop.asked is not None)
     if folder.written == 0:
         raise UserError(
             f"input: no image of {options.input} could be predicted; the first: {folder.faults[0]}"
         )
-    if stopped:
-        sys.exit(INTERRUPTED)
 
 
 def _source(options: PredictOptions) -> ImageSource:
@@ -105,18 +108,18 @@ def _run(
     lens: Camera | None,
     options: PredictOptions,
     folder: PredictionFolder,
-) -> bool:
-    """Predict and write; whether Ctrl-C ended it early."""
-    try:
-        with frames_bar("predict") as bar:
-            task = bar.add_task("frames", total=source.count or None)
-            for shots in batched(ahead(source, READ_AHEAD), options.batch_size):
-                for shot, frame in _predicted(network, shots, lens, options):
-                    folder.skip(shot) if frame is None else folder.add(frame)
-                    bar.advance(task)
-    except KeyboardInterrupt:
-        return True
-    return False
+    stop: StopSignals,
+) -> None:
+    """Predict and write all, or what there is before a signal that asks for an end."""
+    stop.hold()
+    with frames_bar("predict") as bar:
+        task = bar.add_task("frames", total=source.count or None)
+        for shots in batched(ahead(source, READ_AHEAD), options.batch_size):
+            for shot, frame in _predicted(network, shots, lens, options):
+                folder.skip(shot) if frame is None else folder.add(frame)
+                bar.advance(task)
+                if stop.asked is not None:
+                    return
 
 
 def batched(shots: Iterable[Shot], most: int) -> Iterator[list[Shot]]:

@@ -1,6 +1,7 @@
 """The folder of a prediction: files of each frame, a row for each, a video and a summary of all."""
 
 import csv
+import io
 import shutil
 from collections import deque
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -16,7 +17,7 @@ from col3d.app.config import PredictOptions
 from col3d.app.learnt import Learnt
 from col3d.app.predicted import Clouds, CodeFiles, Pictures, Predicted
 from col3d.app.provenance import provenance
-from col3d.checks import UserError
+from col3d.checks import UserError, naming
 from col3d.data.images import ImageSource, Shot
 from col3d.geometry import Camera
 from col3d.geometry.camera_file import plain_from_camera
@@ -24,6 +25,7 @@ from col3d.metrics.functional.flicker import temporal_flicker
 from col3d.reports.over_time import draw_over_time
 from col3d.reports.summary import write_json
 from col3d.reports.video import VideoWriter
+from col3d.whole import write_whole
 
 COLUMNS = (
     *("name", "frame", "height", "width", "unit", "depth_min", "depth_median", "depth_max"),
@@ -75,6 +77,7 @@ class PredictionFolder:
         self.recent: deque[tuple[dict[str, Any], torch.Tensor | None]] = deque(maxlen=3)
         self.written, self.faults, self.flicker = 0, list[str](), list[float]()
         self.seconds: list[float] = []
+        self.video_fault: OSError | None = None
 
     def __enter__(self) -> "PredictionFolder":
         return self
@@ -84,12 +87,21 @@ class PredictionFolder:
     ) -> None:
         """Wait for the disk, and close what is open."""
         self.pool.shutdown(wait=True, cancel_futures=error is not None)
-        if error is None:
-            self._wait(0)
-            self._write_row()
-        if self.table is not None:
-            self.table.close()
-        self.video.close()
+        try:
+            if error is None:
+                self._wait(0)
+                self._write_row()
+        finally:
+            self._close_video()
+            if self.table is not None:
+                with naming(self.path / TABLE):
+                    self.table.close()
+
+    def _close_video(self) -> None:
+        try:
+            self.video.close()
+        except OSError as fault:  # raised once the summary of what is there is written
+            self.video_fault = fault
 
     def _begin(self) -> None:
         """Replace what was there, now that there is something to put in its place."""
@@ -98,10 +110,11 @@ class PredictionFolder:
         for part, asked in kinds.items():
             if asked:
                 (self.path / part).mkdir(parents=True)
-        self.table = (self.path / TABLE).open("w", encoding="utf-8", newline="")
+        self.table = (self.path / TABLE).open("w", encoding="utf-8", errors="backslashreplace", newline="")
         self.rows = csv.DictWriter(self.table, COLUMNS)
-        self.rows.writeheader()
-        self.rows.writerows(self.early)
+        with naming(self.path / TABLE):
+            self.rows.writeheader()
+            self.rows.writerows(self.early)
 
     def add(self, frame: Predicted) -> None:
         """Write a frame; the first makes the folder its own."""
@@ -141,7 +154,9 @@ class PredictionFolder:
         if self.clouds is not None and with_cloud:
             self.clouds(frame)
         if self.options.previews and page is not None:
-            Image.fromarray(page).save(self.path / "previews" / f"{frame.shot.name}.png")
+            content = io.BytesIO()
+            Image.fromarray(page).save(content, "PNG")
+            write_whole(self.path / "previews" / f"{frame.shot.name}.png", content.getvalue())
 
     def _wait(self, most: int) -> None:
         """For the disk, until so many frames are on their way; what failed there is raised here."""
@@ -170,11 +185,16 @@ class PredictionFolder:
         if self.table is None:
             self.early.append(self.recent[place][0])
         else:
-            self.rows.writerow(self.recent[place][0])
-            self.table.flush()
+            with naming(self.path / TABLE):
+                self.rows.writerow(self.recent[place][0])
+                self.table.flush()
 
     def report(self, stopped: bool) -> None:
-        """Write the summary, and say on screen what is there; where nothing was written, nothing."""
+        """Write the summary, and say on screen what is there; where nothing was written, nothing.
+
+        Raises:
+            OSError: that, or before it the video, could not be written.
+        """
         if not self.written:
             return
         flicker = float(np.mean(self.flicker)) if self.flicker else None
@@ -188,9 +208,11 @@ class PredictionFolder:
         line = f"predicted {self.written} frames, {np.median(self.seconds):.3f} s each in the network"
         if flicker is not None:
             line += f"; depth flickers by {flicker:.2f} % from frame to frame (median over pixels)"
-        print(line + ("; stopped by Ctrl-C" if stopped else ""))
+        print(line + ("; stopped before the end" if stopped else ""))
         made = [self.path / part for part in PARTS if (self.path / part).exists()]
         print("wrote", *map(str, made), sep="\n  ", flush=True)
+        if self.video_fault is not None:
+            raise self.video_fault
 
     def _summary(self, stopped: bool, flicker: float | None) -> dict[str, Any]:
         scale = f"{self.network.max_depth:g} {self.unit}"

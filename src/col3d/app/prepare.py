@@ -2,7 +2,6 @@
 
 import errno
 import shutil
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ import torch
 from col3d.app.config import PhantomOptions, PrepareOptions, SourceOptions
 from col3d.app.errors import check_options
 from col3d.app.frames import frame_set, other_folder_names, phantom_settings
+from col3d.app.stopping import stoppable
 from col3d.app.stores import beside, recipe_of, remember
 from col3d.checks import DataError, UserError
 from col3d.data.frames import FrameSet
@@ -23,7 +23,6 @@ from col3d.data.store import Recipe, read_video, write_video
 from col3d.data.store.index import shapes
 from col3d.data.videos import seeded_name, video_table
 
-INTERRUPTED = 130
 NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
@@ -35,7 +34,7 @@ def prepare(given: Mapping[str, Any]) -> None:
     """
     options = check_options(PrepareOptions, given)
     source, size_hw = options.data, (options.data.size[0], options.data.size[1])
-    try:
+    with stoppable("finished videos stay, and the same command goes on"):
         if source.name == "phantom":
             settings = phantom_settings(source, options.phantom, _videos_of(source))
             render_phantom(Path(source.root), settings, workers=options.workers)
@@ -44,9 +43,6 @@ def prepare(given: Mapping[str, Any]) -> None:
         recipe = recipe_of(source, frames, size_hw)
         store = beside(source.root, size_hw) if options.prepare.out is None else Path(options.prepare.out)
         _prepare(store.absolute(), source, options.phantom, frames, recipe, options.workers)
-    except KeyboardInterrupt:
-        print("stopped; the same command goes on", flush=True)
-        sys.exit(INTERRUPTED)
 
 
 def _videos_of(source: SourceOptions) -> list[str] | None:

@@ -1,5 +1,6 @@
 """Files of torch.export: a program that torch runs without this code."""
 
+import io
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import Any
 import numpy as np
 import torch
 from torch.export import ExportedProgram
+from torch.fx import GraphModule
 
 FACTS = "col3d.json"
 
@@ -18,7 +20,18 @@ def write_program(program: ExportedProgram, path: Path, facts: Mapping[str, Any]
     It is read by `torch.export.load(path, extra_files={"col3d.json": ""}).module(check_guards=False)`: guards
     are of the memory's layout in the trace, and would refuse other sizes.
     """
-    torch.export.save(program, path, extra_files={FACTS: json.dumps(facts)})
+    _anonymous(program)
+    content = io.BytesIO()  # torch ends the whole process where it cannot write to a disk
+    torch.export.save(program, content, extra_files={FACTS: json.dumps(facts)})
+    path.write_bytes(content.getbuffer())
+
+
+def _anonymous(program: ExportedProgram) -> None:
+    """Drop what torch notes of each operation: lines of source files of this machine."""
+    for module in program.graph_module.modules():
+        if isinstance(module, GraphModule):
+            for node in module.graph.nodes:
+                node.meta.pop("stack_trace", None)
 
 
 class ProgramFile:

@@ -4,8 +4,7 @@ import logging
 import math
 import sys
 import warnings
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,7 @@ from col3d.app.compiled import compile_network
 from col3d.app.config import TrainerOptions, TrainOptions
 from col3d.app.cost import measure_cost
 from col3d.app.errors import check_options
+from col3d.app.foreseen import in_a_line
 from col3d.app.frames import data_module, settled
 from col3d.app.job import JobStatus, locked, reported
 from col3d.app.metrics_file import MetricsFile, RowsInCheckpoints
@@ -40,8 +40,7 @@ from col3d.callbacks import (
     Stopped,
     StopSignals,
 )
-from col3d.callbacks.finite_numbers import DivergedError
-from col3d.checks import UserError, and_beneath
+from col3d.checks import UserError
 from col3d.data.datamodule import FrameDataModule
 from col3d.reports.jobs import RESULT, read_plain
 from col3d.reports.summary import print_summary
@@ -155,12 +154,12 @@ def _fit_and_test(
         loggers,
         adversarial=options.task.name == "adversarial",
     )
-    with _in_a_line():
+    with in_a_line(_smaller(options)):
         trainer.fit(task, datamodule=data, ckpt_path=folder.cut_off, weights_only=True)
     if best.best_model_score is None:
         raise UserError(f"{WATCHED} was never finite: nothing to evaluate; lower optimizer.lr")
     epoch = build.load_weights(task, best.path)
-    with _in_a_line():
+    with in_a_line(_smaller(options)):
         trainer.test(task, datamodule=data, verbose=False)
     if trainer.is_global_zero:
         height, width = options.data.size
@@ -170,19 +169,14 @@ def _fit_and_test(
         folder.finish(found, summary["metrics"], status.seconds)
 
 
-@contextmanager
-def _in_a_line() -> Iterator[None]:
-    """What goes wrong in a training without being a fault of the program."""
-    try:
-        yield
-    except DivergedError as error:
-        raise UserError(str(error)) from None
-    except Exception as error:
-        for dead in and_beneath(error):  # torch says so in any line that runs, a library's own try included
-            if isinstance(dead, RuntimeError) and "DataLoader worker" in str(dead):
-                last = str(dead).strip().splitlines()[-1].strip(" .")
-                raise UserError(f"data.workers: {last}; the same command goes on") from None
-        raise
+def _smaller(options: TrainOptions) -> str:
+    """What to change where memory is out: the same steps from half as much at a time."""
+    size, accumulate = options.data.batch_size, options.trainer.accumulate
+    if size > 1:
+        halved = f"data.batch_size={size // 2} trainer.accumulate={accumulate * 2}"
+        return f"data.batch_size={size} is too much; {halved} takes half of it a step and is trained alike"
+    height, width = options.data.size
+    return f"data.size=[{height // 2},{width // 2}] takes a quarter; so does a smaller model.encoder"
 
 
 def _kept_predictions(options: TrainOptions, folder: Path) -> list[Callback]:

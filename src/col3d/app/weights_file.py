@@ -1,5 +1,6 @@
 """A checkpoint that holds a network alone, in half precision: to predict with, not to train on."""
 
+import io
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -11,6 +12,7 @@ from col3d.app.learnt import Learnt, learnt, trained_task
 from col3d.app.same_outputs import phantom_frame
 from col3d.app.traced import sample
 from col3d.checks import UserError
+from col3d.reports.places import command_without_places, last_name, without_places
 
 SAME = 2e-2
 """Largest difference that rounding the weights may make: as a part of depth, in a component of normals."""
@@ -23,7 +25,8 @@ Source = TypeVar("Source", bound=SourceOptions)
 def write_weights(source: Path, path: Path) -> float:
     """Write the network of a checkpoint of `train.py` without what only its training needs.
 
-    Folders in its options lose all but their names: they are of the machine that trained.
+    Paths in its options and in its command lose all but their last names: they are of the machine that
+    trained.
 
     Returns:
         The largest difference from what the original says of a frame of the phantom; see `SAME`.
@@ -40,17 +43,23 @@ def write_weights(source: Path, path: Path) -> float:
     )
     elsewhere = {
         "data": data,
-        "output_dir": f"runs/{Path(options.output_dir).name}",
+        "output_dir": f"runs/{last_name(options.output_dir)}",
         "model": options.model.model_copy(update={"pretrained": None}),
     }
-    about = checkpoint.get("about") or {}
+    said = checkpoint.get("about")
+    about = said if isinstance(said, dict) else {}
+    kept = without_places({name: about[name] for name in KEPT if name in about})
+    if isinstance(about.get("command"), str):
+        kept["command"] = command_without_places(about["command"])
     content: dict[str, Any] = {
         "state_dict": {name: _halved(values) for name, values in task.state_dict().items()},
         "epoch": checkpoint["epoch"],
-        "hyper_parameters": {"options": options.model_copy(update=elsewhere).model_dump()},
-        "about": {name: about[name] for name in KEPT if name in about},
+        "hyper_parameters": {"options": without_places(options.model_copy(update=elsewhere).model_dump())},
+        "about": kept,
     }
-    torch.save(content, path)
+    saved = io.BytesIO()  # where a disk is full, torch says something else
+    torch.save(content, saved)
+    path.write_bytes(saved.getbuffer())
     difference = _difference(learnt(source), learnt(path))
     if not difference < SAME:
         raise UserError(
@@ -60,7 +69,7 @@ def write_weights(source: Path, path: Path) -> float:
 
 
 def _anywhere(source: Source) -> Source:
-    return source.model_copy(update={"root": f"data/{Path(source.root).name}", "store": "auto"})
+    return source.model_copy(update={"root": f"data/{last_name(source.root)}", "store": "auto"})
 
 
 def _halved(values: Tensor) -> Tensor:

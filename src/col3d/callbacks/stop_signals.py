@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from types import FrameType, TracebackType
 from typing import Any
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1)
 INTERRUPTED, PREEMPTED = 130, 143
 """Exit codes after Ctrl-C, and after the signals that schedulers send."""
 
@@ -24,7 +24,8 @@ class Stopped(SystemExit):
 
 
 class StopSignals:
-    """Catches Ctrl-C, SIGTERM and SIGUSR1, and SIGUSR2 where the launcher of a job listens to it.
+    """Catches Ctrl-C, SIGTERM, SIGUSR1, SIGHUP where `nohup` has not turned it off, and SIGUSR2 where the
+    launcher of a job listens to it.
 
     A signal ends the process at once, by `Stopped`, but for the time of a training: there it is kept in
     `asked`, for `LastCheckpoint` to save and stop where a training can go on. A second signal does not wait.
@@ -41,6 +42,8 @@ class StopSignals:
     def __enter__(self) -> "StopSignals":
         listened = [signal.SIGUSR2] if callable(signal.getsignal(signal.SIGUSR2)) else []  # submitit does
         self._before = {number: signal.getsignal(number) for number in (*SIGNALS, *listened)}
+        if self._before[signal.SIGHUP] is signal.SIG_IGN:
+            del self._before[signal.SIGHUP]
         self._listen()
         return self
 

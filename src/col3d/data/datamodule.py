@@ -31,7 +31,7 @@ def heed_parent_alone(worker: int) -> None:
 
     Else its parent would have nothing to go on to the end of the step with, where it can save.
     """
-    signals = {signal.SIGINT, signal.SIGTERM, signal.SIGUSR1, signal.SIGUSR2}
+    signals = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1, signal.SIGUSR2}
     signal.pthread_sigmask(signal.SIG_BLOCK, signals)
 
     def wait() -> None:

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt16
 
 from col3d.data.release import FULL_CODE
+from col3d.whole import write_whole
 
 DEFLATE = [cv2.IMWRITE_TIFF_COMPRESSION, cv2.IMWRITE_TIFF_COMPRESSION_ADOBE_DEFLATE]
 
@@ -42,4 +43,4 @@ def write_tiff(path: Path, codes: UInt16[np.ndarray, "h w *c"]) -> None:
     pixels = codes if codes.ndim == 2 else codes[..., ::-1]
     done, content = cv2.imencode(".tiff", pixels, DEFLATE)
     assert done
-    path.write_bytes(content.tobytes())
+    write_whole(path, content.tobytes())

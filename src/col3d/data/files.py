@@ -12,6 +12,7 @@ from PIL import Image, UnidentifiedImageError
 from PIL.TiffImagePlugin import TiffImageFile
 
 from col3d.checks import DataError
+from col3d.formats import IMAGE_FORMATS
 
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)  # each TIFF of C3VD has a harmless tag
 logging.getLogger("tifffile").setLevel(logging.CRITICAL)  # what it warns of, the decoder says
@@ -33,7 +34,10 @@ def check_header(path: Path, size_hw: tuple[int, int], channels: int | None, bit
         DataError: names the file, the rule and what came.
     """
     try:
-        with warnings.catch_warnings(action="ignore"), Image.open(path) as image:  # pillow warns, then raises
+        with (
+            warnings.catch_warnings(action="ignore"),  # pillow warns, then raises
+            Image.open(path, formats=IMAGE_FORMATS) as image,
+        ):
             found_hw, found = (image.height, image.width), _channels_and_bits(image, path)
             end = _data_end(image)
     except (UnidentifiedImageError, OSError, SyntaxError, ValueError) as error:

@@ -1,6 +1,7 @@
 """Images from anywhere: a file, a folder, a pattern, a video file, or a video of C3VD, one by one."""
 
 import glob
+import os
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
@@ -13,11 +14,14 @@ from PIL import Image
 
 from col3d.checks import DataError
 from col3d.data.c3vd import C3VD
+from col3d.formats import IMAGE_FORMATS, open_video
 
 IMAGE_ENDINGS = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
 VIDEO_ENDINGS = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".wmv", ".ogv")
 EIGHT_BITS = ("1", "L", "LA", "P", "PA", "RGB", "RGBA", "RGBX", "CMYK", "YCbCr", "HSV", "LAB")
 """Pillow's names of what becomes RGB of 8 bits without loss of range."""
+LONGEST = 20
+"""Times the shorter side that the longer one of an image may be: pictures of a line have no bounds."""
 
 
 @dataclass(frozen=True)
@@ -89,15 +93,17 @@ class VideoFile(ImageSource):
 
     def __init__(self, path: Path) -> None:
         self.path, self.name = path, path.stem
-        capture = cv2.VideoCapture(str(path))
+        capture = open_video(path)
         if not capture.isOpened():
-            raise DataError(f"input: {path} cannot be opened as a video")
+            raise DataError(f"{path}: cannot be opened as a video")
+        width, height = (capture.get(key) for key in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
+        check_sides(path, int(height), int(width))
         self.fps = capture.get(cv2.CAP_PROP_FPS) or None
         self.count = max(int(capture.get(cv2.CAP_PROP_FRAME_COUNT)), 0)
         capture.release()
 
     def __iter__(self) -> Iterator[Shot]:
-        capture = cv2.VideoCapture(str(self.path))
+        capture = open_video(self.path)
         number = 0
         try:
             while True:
@@ -144,7 +150,8 @@ def read_image(path: Path) -> np.ndarray:
         DataError: it is no image, is cut off, or is grey of more than 8 bits; colours of more are reduced.
     """
     try:
-        with Image.open(path) as image:
+        with Image.open(path, formats=IMAGE_FORMATS) as image:
+            check_sides(path, image.height, image.width)
             if image.mode not in EIGHT_BITS:
                 raise DataError(f"{path}: expected an image of 8 bits a channel, got mode {image.mode}")
             return np.asarray(image.convert("RGB"))
@@ -153,6 +160,19 @@ def read_image(path: Path) -> np.ndarray:
     except Exception as error:  # decoders fail in many ways over bytes that make no sense
         reason = " ".join(str(error).replace(str(path), "it").split()) or type(error).__name__
         raise DataError(f"{path}: not a readable image ({reason[:120]})") from None
+
+
+def check_sides(path: Path, height: int, width: int) -> None:
+    """Refuse by its header what is a line rather than an image.
+
+    Raises:
+        DataError: names the file, the rule and what came.
+    """
+    if max(height, width) > LONGEST * min(height, width):
+        raise DataError(
+            f"{path}: expected sides of which one is at most {LONGEST} times the other, "
+            f"got {height} x {width}"
+        )
 
 
 def _folder(path: Path) -> ImageSource:
@@ -178,12 +198,18 @@ def _by_numbers(path: Path) -> list[tuple[int, int, str]]:
 
 def _names(paths: Sequence[Path]) -> list[str]:
     """Stems; where two files share one, as much of their paths as tells them apart."""
-    stems = [path.stem for path in paths]
+    stems = [_in_utf8(path.stem) for path in paths]
     if len(set(stems)) == len(stems):
         return stems
     absolute = [path.absolute() for path in paths]
     shared = Path(*_common([path.parent.parts for path in absolute]))
-    return _told_apart(["_".join(path.relative_to(shared).parts).replace(".", "_") for path in absolute])
+    parts = [path.relative_to(shared).parts for path in absolute]
+    return _told_apart([_in_utf8("_".join(of_it)).replace(".", "_") for of_it in parts])
+
+
+def _in_utf8(name: str) -> str:
+    """A name of which every byte that is no UTF-8 became a question mark of Unicode's."""
+    return os.fsencode(name).decode("utf-8", "replace")
 
 
 def _told_apart(names: Sequence[str]) -> list[str]:

@@ -8,6 +8,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,8 @@ from typing import Any
 import cv2
 import torch
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from col3d.checks import UserError, naming
 
 POLL_SECONDS = 0.2
 PARTIAL = ".partial-"
@@ -52,7 +55,7 @@ def in_processes(
     with frames_bar(label, shown=progress and bool(jobs)) as bar:
         task = bar.add_task("frames", total=frames)
         if workers > 1:
-            return _in_pool(work, jobs, workers, lambda done: bar.update(task, completed=done))
+            return _in_pool(label, work, jobs, workers, lambda done: bar.update(task, completed=done))
         return [work(*job, lambda: bar.advance(task)) for job in jobs]
 
 
@@ -70,7 +73,11 @@ def frames_bar(label: str, shown: bool = True) -> Progress:
 
 
 def _in_pool(
-    work: Callable[..., Any], jobs: Sequence[Sequence[Any]], workers: int, report: Callable[[int], None]
+    label: str,
+    work: Callable[..., Any],
+    jobs: Sequence[Sequence[Any]],
+    workers: int,
+    report: Callable[[int], None],
 ) -> list[Any]:
     """Spawned, not forked: forking a process that has used threads may hang."""
     context = multiprocessing.get_context("spawn")
@@ -84,10 +91,15 @@ def _in_pool(
                 report(counter.value)
                 for future in done:
                     future.result()
-        except BaseException:
+        except BaseException as error:
             pool.shutdown(wait=False, cancel_futures=True)
             for process in multiprocessing.active_children():
                 process.terminate()
+            if isinstance(error, BrokenProcessPool):
+                raise UserError(
+                    f"{label}: the system ended a worker, which is what it does when memory is out; give "
+                    "fewer of them with workers=..., and the same command goes on"
+                ) from None
             raise
         return [future.result() for future in futures]
 
@@ -98,7 +110,8 @@ def _start(counter: Any) -> None:
     cv2.setNumThreads(0)  # there are as many processes as cores; threads of each would wait on the others
     torch.set_num_threads(1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the parent, which ends its workers
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # so that they clear away what is half done
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda *_: sys.exit(1))  # so that they clear away what is half done
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
@@ -129,7 +142,8 @@ def whole_folder(folder: Path) -> Iterator[Path]:
     shutil.rmtree(partial, ignore_errors=True)
     partial.mkdir(parents=True)
     try:
-        yield partial
+        with naming(folder):
+            yield partial
         shutil.rmtree(folder, ignore_errors=True)
         partial.replace(folder)
     finally:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from col3d.app.cameras import CameraOption
+from col3d.app.foreseen import is_out_of_memory
 from col3d.app.learnt import Learnt
 from col3d.checks import DataError, UserError
 from col3d.demo.answer import Answer, answer
@@ -88,6 +89,10 @@ def reply(network: Learnt, question: Question, folder: Path, told: Callable[[flo
         )
     except (DataError, UserError) as error:
         return Reply(html.escape(str(error)), refused=True)
+    except Exception as error:
+        if not is_out_of_memory(error):
+            raise
+        return Reply("memory is out; take a smaller image or a shorter video", refused=True)
 
 
 def _of_image(network: Learnt, path: Path, question: Question, folder: Path) -> Reply:

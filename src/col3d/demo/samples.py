@@ -1,5 +1,6 @@
 """Images to try the page with: frames of the phantom, rendered once."""
 
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,8 +26,8 @@ class Sample:
     caption: str
 
 
-def samples(cache: Path) -> list[Sample]:
-    """The images, rendered below `cache` where they are not there yet.
+def samples(cache: Path, folder: Path) -> list[Sample]:
+    """The images, rendered below `cache` where they are not there yet, and copied into `folder`.
 
     Raises:
         DataError: the folder holds something else.
@@ -34,6 +35,8 @@ def samples(cache: Path) -> list[Sample]:
     render_phantom(cache, SETTINGS, workers=1, progress=False)
     found = []
     for video, caption in CAPTIONS.items():
-        truth = cache / video / "0001_depth.tiff" if video == WITH_TRUTH else None
-        found.append(Sample(cache / video / "0001_color.png", truth, caption))
+        image = Path(shutil.copy(cache / video / "0001_color.png", folder / f"{video}.png"))
+        depth = cache / video / "0001_depth.tiff"
+        truth = Path(shutil.copy(depth, folder / f"{video}_depth.tiff")) if video == WITH_TRUTH else None
+        found.append(Sample(image, truth, caption))
     return found

@@ -47,19 +47,25 @@ def serve(given: Mapping[str, Any]) -> None:
     from col3d.demo.replies import PINHOLE, UNKNOWN
     from col3d.demo.samples import samples
 
-    offered = [] if options.samples is None else samples(Path(options.samples))
     pinhole = options.camera if isinstance(options.camera, list) else []
     camera = PINHOLE if pinhole else str(options.camera or UNKNOWN)
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda *_: sys.exit(TERMINATED))
     print(f"{network.name} of {checkpoint}: http://{HOST}:{options.port} (Ctrl-C ends it)", flush=True)
     with tempfile.TemporaryDirectory(prefix="col3d-") as folder:
-        os.environ["GRADIO_TEMP_DIR"] = folder  # uploads go when the program goes
-        blocks = page(network, camera, pinhole, offered, Path(folder))
-        _launch(blocks, options, [folder, *(str(sample.image.parent) for sample in offered)], STYLE)
+        uploads, examples = Path(folder) / "uploads", Path(folder) / "examples"
+        uploads.mkdir()
+        examples.mkdir()
+        os.environ["GRADIO_TEMP_DIR"] = str(uploads)  # which go when the program goes
+        offered = [] if options.samples is None else samples(Path(options.samples), examples)
+        _launch(page(network, camera, pinhole, offered, uploads), options, STYLE)
 
 
-def _launch(blocks: Any, options: AppOptions, folders: list[str], style: str) -> None:
+def _launch(blocks: Any, options: AppOptions, style: str) -> None:
     import gradio as gr
+    from starlette.middleware import Middleware
+
+    from col3d.demo.guard import Guard
 
     logging.getLogger("httpx").setLevel(logging.WARNING)  # it tells of each look at the page's own address
     try:
@@ -70,7 +76,7 @@ def _launch(blocks: Any, options: AppOptions, folders: list[str], style: str) ->
             quiet=True,
             ssr_mode=False,
             max_file_size=MOST_UPLOAD,
-            allowed_paths=folders,
+            app_kwargs={"middleware": [Middleware(Guard)]},
             footer_links=[],
             enable_monitoring=False,
             theme=gr.themes.Default(font=["system-ui"], font_mono=["monospace"]),

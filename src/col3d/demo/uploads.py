@@ -12,8 +12,9 @@ from PIL import Image
 from col3d.checks import DataError
 from col3d.data.c3vd import MAX_DEPTH
 from col3d.data.files import read_any
-from col3d.data.images import VIDEO_ENDINGS, VideoFile, read_image
+from col3d.data.images import VIDEO_ENDINGS, VideoFile, check_sides, read_image
 from col3d.data.release import FULL_CODE
+from col3d.formats import IMAGE_FORMATS, open_video
 
 MOST_BYTES, MOST_PIXELS = 50_000_000, 25_000_000
 MOST_SECONDS, MOST_FRAMES = 10, 150
@@ -62,15 +63,15 @@ def read_clip(path: Path, most_side: int) -> Clip:
         DataError: it cannot be decoded, or is too long or too large.
     """
     _check_bytes(path)
-    capture = cv2.VideoCapture(str(path))
+    capture = open_video(path)
     width, height = (capture.get(key) for key in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
     capture.release()
     if width * height > MOST_PIXELS:
         raise DataError(_too_many_pixels(path, int(height), int(width)))
     try:
         video = VideoFile(path)
-    except DataError:
-        raise DataError(f"{path.name}: cannot be opened as a video") from None
+    except DataError as error:
+        raise DataError(str(error).replace(str(path), path.name)) from None
     fps = video.fps or 15.0
     most = min(MOST_FRAMES, int(MOST_SECONDS * fps))
     frames: list[np.ndarray] = []
@@ -127,7 +128,7 @@ def _check_image(path: Path) -> None:
     """Refuse by size and header."""
     _check_bytes(path)
     try:
-        with warnings.catch_warnings(action="ignore"), Image.open(path) as image:
+        with warnings.catch_warnings(action="ignore"), Image.open(path, formats=IMAGE_FORMATS) as image:
             width, height = image.size
     except Image.DecompressionBombError:
         raise DataError(
@@ -137,6 +138,7 @@ def _check_image(path: Path) -> None:
         raise DataError(f"{path.name}: not an image that can be read") from None
     if width * height > MOST_PIXELS:
         raise DataError(_too_many_pixels(path, height, width))
+    check_sides(Path(path.name), height, width)
 
 
 def _check_bytes(path: Path) -> None:

@@ -9,6 +9,8 @@ import numpy as np
 import trimesh
 from jaxtyping import Float, Int, UInt8
 
+from col3d.whole import write_whole
+
 
 @dataclass(frozen=True)
 class Surface:
@@ -51,7 +53,7 @@ class Surface:
             mesh.visual = trimesh.visual.ColorVisuals(mesh, vertex_colors=shown)
         content = mesh.export(file_type="ply")
         assert isinstance(content, bytes)
-        path.write_bytes(content)
+        write_whole(path, content)
 
     def as_trimesh(self) -> trimesh.Trimesh:
         """The same for trimesh, vertices in their order."""

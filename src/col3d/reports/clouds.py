@@ -6,6 +6,8 @@ import numpy as np
 import trimesh
 from jaxtyping import Float, UInt8
 
+from col3d.whole import write_whole
+
 
 def write_cloud(path: Path, points: Float[np.ndarray, "n 3"], colours: UInt8[np.ndarray, "n 3"]) -> None:
     """Write points in mm with the colours of their pixels, as binary PLY.
@@ -14,4 +16,4 @@ def write_cloud(path: Path, points: Float[np.ndarray, "n 3"], colours: UInt8[np.
         OSError: it cannot be written.
     """
     cloud = trimesh.PointCloud(points.astype(np.float32), colours)
-    path.write_bytes(cloud.export(file_type="ply"))
+    write_whole(path, cloud.export(file_type="ply"))

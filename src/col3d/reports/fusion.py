@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Any
 
 from rich.box import SIMPLE_HEAD
-from rich.console import Console
 from rich.table import Table
 
 from col3d.reports.run_page import as_script, write_page
 from col3d.reports.scenes import Scene
+from col3d.reports.screen import plain_console
 
 ROWS = {
     "accuracy_mean_mm": "accuracy, mean mm",
@@ -38,8 +38,7 @@ def print_fusion(found: Mapping[str, Any], written: Sequence[Path]) -> None:
             table.add_column(name, justify="right")
         for row in _rows(found["comparisons"]):
             table.add_row(*row)
-        console = Console(highlight=False)
-        console.print(table)
+        plain_console().print(table)
     else:
         print("nothing to compare with: one surface alone was fused, and the video has no coverage_mesh.obj")
     print("wrote", *map(str, written), sep="\n  ", flush=True)

@@ -1,7 +1,6 @@
 """What the folder of a training says of it: the files that it keeps while it runs and when it ends."""
 
 import fcntl
-import json
 import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -9,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from col3d.reports.shapes import read_object
 from col3d.reports.summary import write_json
 
 STATUS, RESULT, LOCK, PLAN = "status.json", "result.json", ".lock", "sweep.json"
@@ -91,9 +91,8 @@ def read_sweep(sweep: Path) -> list[Job]:
 
 
 def read_plain(path: Path) -> dict[str, Any]:
-    """A JSON object; empty where there is none."""
+    """A JSON object of the shape that the name of its file stands for; empty where there is none."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        return read_object(path)
     except (OSError, ValueError):
         return {}
-    return content if isinstance(content, dict) else {}

@@ -12,6 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from col3d.reports.jobs import STATES, Job, read_sweep
+from col3d.reports.screen import plain_console
 from col3d.reports.summary import LOG_WIDTH
 
 EXIT_CODE = 2
@@ -35,7 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def print_ledger(jobs: Sequence[Job], console: Console | None = None) -> None:
     """A row for each job, and how many there are of each state."""
-    console = console or Console()
+    console = console or plain_console()
     if not console.is_terminal:
         console.width = max(console.width, LOG_WIDTH)
     table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
@@ -68,7 +69,7 @@ def _time(job: Job) -> str:
 
 
 def _score(job: Job) -> str:
-    score = job.result.get("best", {}).get(SCORE)
+    score = job.result["best"].get(SCORE) if job.result else None
     return "" if score is None else f"{score:.4f}"
 
 
@@ -77,7 +78,7 @@ def _said(job: Job) -> str:
     if job.state == "failed":
         return str(job.status.get("error", ""))
     if job.state == "running" and "process" in job.status:
-        return f"process {job.status['process']} on {job.status['host']}"
+        return f"process {job.status['process']} on {job.status.get('host', 'some host')}"
     return ""
 
 

@@ -15,6 +15,7 @@ from col3d.reports import render
 from col3d.reports.breakdowns import cost_table, segment_table, video_table
 from col3d.reports.compose import PHANTOM, difference_tables, main_table, title_of
 from col3d.reports.experiments import Experiment
+from col3d.reports.places import command_without_places, last_name, without_places
 from col3d.reports.runs import Found, Run
 from col3d.reports.tables import Table, marks
 
@@ -69,12 +70,12 @@ def write_report(
     """
     tables = tables_of(experiments)
     facts = {
-        "source": source,
+        "source": last_name(source) if Path(source).is_absolute() else without_places(source),
         "tables": tables,
         "pictures": pictures,
-        "not_drawn": not_drawn,
+        "not_drawn": without_places(not_drawn),
         "runs": [_facts(run) for run in found.runs],
-        "left_out": [*found.left_out, *_not_in_tables(experiments)],
+        "left_out": without_places([*found.left_out, *_not_in_tables(experiments)]),
         "phantom": PHANTOM if any(e.setting.data == "phantom" for e in experiments) else "",
         "versions": f"Python {platform.python_version()}",
         "out": out,
@@ -120,6 +121,8 @@ def environment(name: str) -> Environment:
         "interval": render.interval,
         "paper": render.paper,
         "markdown": render.markdown,
+        "as_text": render.as_text,
+        "as_code": render.as_code,
         "marks": marks,
         "data_uri": data_uri,
     }
@@ -141,9 +144,9 @@ def _facts(run: Run) -> dict[str, Any]:
         "name": run.name,
         "about": f"{summary['model']}, seed {summary['seed']}, {summary['data']}, {summary['split']} part, "
         f"protocol {summary['protocol']}, {summary['frames']} frames",
-        "command": summary.get("command") or NOT_RECORDED,
+        "command": command_without_places(summary.get("command") or NOT_RECORDED),
         "commit": summary.get("commit") or NOT_RECORDED,
         "versions": ", ".join(f"{name} {version}" for name, version in versions.items()) or NOT_RECORDED,
         "best": ", ".join(f"{name} {value:.4g}" for name, value in best.items() if value is not None),
-        "config": yaml.safe_dump(run.options, sort_keys=False),
+        "config": yaml.safe_dump(without_places(run.options), sort_keys=False),
     }

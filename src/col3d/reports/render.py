@@ -60,11 +60,16 @@ def markdown(table: Table) -> str:
             _marked(number(column, cell.value, cell.std), mark, "**{}**", "<u>{}</u>")
             for column, cell, mark in zip(table.columns, row.cells, of_row, strict=True)
         ]
-        lines.append([*map(_cell_text, row.heads), *own])
+        lines.append([*map(as_text, row.heads), *own])
         lines += [[*_indented(row, name), *texts] for name, texts in _below(table, row)]
     body = "\n".join(f"| {' | '.join(line)} |" for line in lines)
-    notes = "\n".join(f"* {_cell_text(note)}" for note in table.notes)
-    return "\n\n".join(part for part in (f"### {table.title}", table.caption, body, notes) if part) + "\n"
+    notes = "\n".join(f"* {as_text(note)}" for note in table.notes)
+    return (
+        "\n\n".join(
+            part for part in (f"### {as_text(table.title)}", as_text(table.caption), body, notes) if part
+        )
+        + "\n"
+    )
 
 
 def latex(table: Table) -> str:
@@ -141,8 +146,16 @@ def _file_key(head: str) -> str:
     return re.sub(r"\W+", "_", head.lower()).strip("_")
 
 
-def _cell_text(text: str) -> str:
-    return text.replace("|", "\\|")
+def as_text(text: str) -> str:
+    """Text as Markdown prints it, underscores inside words left alone."""
+    return re.sub(r"([\\`*\[\]<>|#]|(?<!\w)_|_(?!\w))", r"\\\1", text)
+
+
+def as_code(text: str) -> str:
+    """Text as code inside a line of Markdown, whatever backticks it has."""
+    most = max((len(run) for run in re.findall("`+", text)), default=0)
+    fence, space = "`" * (most + 1), " " * bool(most)
+    return f"{fence}{space}{text}{space}{fence}"
 
 
 def _minus(text: str) -> str:

@@ -19,13 +19,13 @@ from col3d.reports.figures.style import VERMILLION, Style
 from col3d.reports.figures.training_curves import curves, draw_methods
 from col3d.reports.page import data_uri, environment
 from col3d.reports.per_frame import DEPTH_METRICS, NORMAL_METRICS
+from col3d.reports.places import command_without_places, without_places
 from col3d.reports.runs import Run
 from col3d.reports.scenes import Scene, read_frame
+from col3d.reports.shapes import read_object
 from col3d.reports.summary import HEADINGS, rows_of
 
 PAGE = "run.html"
-NEEDED = {"model", "data", "split", "seed", "protocol", "frames", "metrics", "videos"}
-"""What a summary has."""
 
 
 def write_run_page(folder: Path) -> Path:
@@ -47,14 +47,17 @@ def write_run_page(folder: Path) -> Path:
     except yaml.YAMLError:
         raise UserError(f"{config}: not YAML") from None
     panels = sorted((folder / "panels").glob("*.png"))
+    shown = without_places(summary)
+    if summary.get("command"):
+        shown["command"] = command_without_places(summary["command"])
     facts = {
         "title": "{model} on {data}, {split} split, seed {seed}".format(**summary),
-        "summary": summary,
+        "summary": shown,
         "tables": _tables(summary),
         "curves": _curves(Run(folder, options, summary, {}, folder.name)),
         "panels": [(path.stem, data_uri(path)) for path in panels],
         "scenes": as_script([read_frame(path) for path in sorted((folder / "panels").glob("*.npz"))]),
-        "config": yaml.safe_dump(options, sort_keys=False) if options else "",
+        "config": yaml.safe_dump(without_places(options), sort_keys=False) if options else "",
     }
     return write_page(folder / PAGE, "run.html", facts)
 
@@ -75,12 +78,10 @@ def as_script(scenes: Sequence[Scene]) -> Markup | None:
 
 def _read_summary(folder: Path) -> dict[str, Any]:
     try:
-        found: dict[str, Any] = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        found = {}
-    if not isinstance(found, dict) or not found.keys() >= NEEDED:
-        raise UserError(f"{folder}: no finished run, summary.json is missing or broken")
-    return found
+        return read_object(folder / "summary.json")
+    except (OSError, ValueError) as error:
+        why = error.strerror if isinstance(error, OSError) else error
+        raise UserError(f"{folder}: no finished run, summary.json is missing or broken ({why})") from None
 
 
 def _tables(summary: dict[str, Any]) -> list[dict[str, Any]]:

@@ -11,6 +11,7 @@ import numpy as np
 import yaml
 
 from col3d.reports.per_frame import METRICS, PIXELS, STRICT, read_per_frame
+from col3d.reports.shapes import misfit
 
 CONFIG, SUMMARY, TABLE = "config.yaml", "summary.json", "per_frame.csv"
 FACTS = ("model", "seed", "data", "split", "protocol", "split_name", "frames")
@@ -114,11 +115,13 @@ def _options(path: Path) -> dict[str, Any]:
 def _summary(path: Path) -> dict[str, Any]:
     try:
         summary = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         raise _UnusableError(f"{SUMMARY} is half written or broken") from None
     missing = [fact for fact in FACTS if not isinstance(summary, dict) or fact not in summary]
     if missing:
         raise _UnusableError(f"{SUMMARY} lacks {', '.join(missing)}")
+    if wrong := misfit(SUMMARY, summary):
+        raise _UnusableError(f"{SUMMARY} is broken: {wrong}")
     return dict(summary)
 
 

@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from col3d.reports.per_frame import DEPTH_METRICS, NORMAL_METRICS, Row, by_video, means
+from col3d.reports.screen import plain_console
 
 HEADINGS = {
     "abs_rel": "AbsRel",
@@ -67,7 +68,7 @@ def _finite(content: Any) -> Any:
 
 def print_summary(summary: Mapping[str, Any], console: Console | None = None) -> None:
     """All metrics by video and over all frames, with the mean training depth as the score to beat."""
-    console = console or Console()
+    console = console or plain_console()
     if not console.is_terminal:
         console.width = max(console.width, LOG_WIDTH)
     title = "{model} on {data}, {split} split, seed {seed}, protocol {protocol}".format(**summary)
@@ -107,5 +108,5 @@ def _cells(values: Mapping[str, Any], metrics: Sequence[str]) -> list[str]:
     return [_cell(values[name], DECIMALS.get(name, 3)) if name in values else "-" for name in metrics]
 
 
-def _cell(value: float | None, decimals: int) -> str:
+def _cell(value: float | int | None, decimals: int) -> str:
     return "nan" if value is None else f"{value:.{decimals}f}"

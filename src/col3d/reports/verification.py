@@ -16,6 +16,8 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
+from col3d.reports.places import without_places
+from col3d.reports.screen import plain_console
 from col3d.reports.summary import LOG_WIDTH
 
 HEADINGS = (
@@ -73,7 +75,7 @@ def print_verification(facts: Mapping[str, Any], console: Console | None = None)
         facts: as `verify.json` has them.
         console: where to; the screen when absent.
     """
-    console = console or Console()
+    console = console or plain_console()
     if not console.is_terminal:
         console.width = max(console.width, LOG_WIDTH)
     table = Table(title=_title(facts), title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
@@ -177,7 +179,8 @@ def write_page(path: Path, facts: Mapping[str, Any], pictures: Sequence[Picture]
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.globals |= {"cells": cells, "strip": strip}
+    environment.globals |= {"cells": cells, "strip": strip, "without_places": without_places}
+    facts = without_places(facts)
     text = environment.get_template("verify.html.j2").render(
         facts=facts,
         title=_title(facts),

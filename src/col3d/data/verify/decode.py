@@ -14,6 +14,7 @@ from PIL import Image, ImageFile, UnidentifiedImageError
 from PIL.TiffImagePlugin import TiffImageFile
 
 from col3d.checks import DataError
+from col3d.formats import IMAGE_FORMATS
 
 PNG = b"\x89PNG\r\n\x1a\n"
 PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
@@ -56,7 +57,7 @@ def read_in_part(path: Path) -> np.ndarray | None:
 
 
 def _png(content: bytes) -> np.ndarray:
-    Image.open(io.BytesIO(content)).verify()
+    Image.open(io.BytesIO(content), formats=IMAGE_FORMATS).verify()
     pixels = _pixels_of_png(content)
     if not pixels[-1].any():
         _check_rows(content)
@@ -64,7 +65,7 @@ def _png(content: bytes) -> np.ndarray:
 
 
 def _pixels_of_png(content: bytes) -> np.ndarray:
-    with Image.open(io.BytesIO(content)) as image:
+    with Image.open(io.BytesIO(content), formats=IMAGE_FORMATS) as image:
         return np.asarray(image)
 
 
@@ -94,7 +95,7 @@ def _other(content: bytes) -> np.ndarray:
 
 def _check_deflated(content: bytes) -> None:
     """The only strips of a TIFF with a checksum, at which libtiff does not look."""
-    with Image.open(io.BytesIO(content)) as image:
+    with Image.open(io.BytesIO(content), formats=IMAGE_FORMATS) as image:
         assert isinstance(image, TiffImageFile)
         tags = image.tag_v2
         packed = tags.get(COMPRESSION, 1) in DEFLATE

@@ -72,7 +72,7 @@ def _attempts(canvas: Canvas) -> Iterator[bytes]:
 def _pixels(canvas: Canvas, dpi: int) -> np.ndarray:
     content = io.BytesIO()
     canvas.savefig(content, dpi=dpi, format="png")
-    return np.asarray(Image.open(content).convert("RGB"))
+    return np.asarray(Image.open(content, formats=["PNG"]).convert("RGB"))
 
 
 def _png(pixels: np.ndarray, step: int) -> bytes:
