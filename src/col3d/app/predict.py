@@ -15,9 +15,9 @@ from col3d.app.compiled import compile_network
 from col3d.app.config import PredictOptions
 from col3d.app.errors import check_options
 from col3d.app.learnt import Learnt, learnt
+from col3d.app.machine import check_accelerator, quiet
 from col3d.app.predicted import Predicted
 from col3d.app.prediction_folder import PredictionFolder
-from col3d.app.train import check_accelerator, quiet
 from col3d.checks import DataError, UserError
 from col3d.data.ahead import ahead
 from col3d.data.images import ImageSource, Shot, image_source

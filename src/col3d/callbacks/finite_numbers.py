@@ -10,6 +10,8 @@ from lightning import Callback, LightningModule, Trainer
 from torch import Tensor
 from torch.optim import Optimizer
 
+from col3d.whole import whole_file
+
 BAD_BATCH = "bad_batch.pt"
 
 
@@ -81,9 +83,8 @@ class FiniteNumbers(Callback):
     def _keep(self, path: Path, trainer: Trainer, step: int, reason: str, terms: Mapping[str, float]) -> None:
         batch = {k: v.detach().cpu() if isinstance(v, Tensor) else list(v) for k, v in self.batch.items()}
         facts = {"epoch": trainer.current_epoch, "step": step, "reason": reason, "terms": dict(terms)}
-        partial = path.with_suffix(f".partial-{trainer.global_rank}")
-        torch.save({**facts, "batch": batch}, partial)
-        partial.replace(path)
+        with whole_file(path, f"-{trainer.global_rank}") as file:
+            torch.save({**facts, "batch": batch}, file)
 
 
 def _finite(values: Tensor) -> bool:

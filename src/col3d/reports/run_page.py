@@ -22,6 +22,7 @@ from col3d.reports.per_frame import DEPTH_METRICS, NORMAL_METRICS
 from col3d.reports.runs import Run
 from col3d.reports.scenes import Scene, read_frame
 from col3d.reports.summary import HEADINGS, rows_of
+from col3d.whole import write_whole
 
 PAGE = "run.html"
 NEEDED = {"model", "data", "split", "seed", "protocol", "frames", "metrics", "videos"}
@@ -62,15 +63,15 @@ def write_run_page(folder: Path) -> Path:
 def write_page(path: Path, template: str, facts: dict[str, Any]) -> Path:
     """Fill a template, and write the page in one step."""
     text = environment(template).get_template(f"{template}.j2").render(facts)
-    partial = path.with_suffix(".partial")
-    partial.write_text(text, encoding="utf-8")
-    return partial.replace(path)
+    write_whole(path, text)
+    return path
 
 
 def as_script(scenes: Sequence[Scene]) -> Markup | None:
-    """Scenes as a value inside a script; None of none."""
-    text = json.dumps([scene.plain() for scene in scenes]).replace("<", "\\u003c")
-    return Markup(text) if scenes else None
+    """Scenes that have points as a value inside a script; None of none."""
+    shown = [scene for scene in scenes if len(scene.clouds[0].points)]
+    text = json.dumps([scene.plain() for scene in shown]).replace("<", "\\u003c")
+    return Markup(text) if shown else None
 
 
 def _read_summary(folder: Path) -> dict[str, Any]:
