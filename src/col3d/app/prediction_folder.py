@@ -244,7 +244,9 @@ def _checked_room(path: Path, options: PredictOptions, source: ImageSource) -> O
     for part in PARTS:
         ours = any(name.split("/")[0] == part for name in owned.names)
         if (path / part).exists() and not ours:
-            raise UserError(f"output: {path} holds {part}, which is of no prediction of this program; name another folder")
+            raise UserError(
+                f"output: {path} holds {part}, which is of no prediction of this program; name another folder"
+            )
     written = {(path / name).resolve() for name in owned.there()}
     if any(file.resolve() in written for file in source.paths):
         raise UserError(f"output: {path} holds the input, {options.input}; name another folder")
