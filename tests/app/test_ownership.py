@@ -122,7 +122,7 @@ def test_a_report_replaces_nothing_but_reports(tmp_path: Path, capsys: pytest.Ca
     assert report(arguments) == 0
     assert set((paper / "tables").iterdir()) < first  # those of before that are none of this report's
     assert all(path.read_text() == "precious" for path in mine)
-    table = next(path.name for path in (paper / "tables").iterdir() if not path.stem == "mine")
+    table = next(path.name for path in (paper / "tables").iterdir() if path.stem != "mine")
     for name in ("report.md", "report.html", f"tables/{table}", "figures/per_video.png", "tables"):
         place = tmp_path / name.replace("/", "_")
         other = put(place / name)

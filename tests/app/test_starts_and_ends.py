@@ -76,13 +76,15 @@ def test_overwrite_applies_once(
     elif before == "other options":
         train(options("seed=7"))
     elif before == "cut off":
-        with monkeypatch.context() as patched, pytest.raises(PowerCutError):
+        with monkeypatch.context() as patched:
             cut_in(patched, 1)
-            train(options())
+            with pytest.raises(PowerCutError):
+                train(options())
     for epoch, signum in ((1, signal.SIGTERM), (2, signal.SIGUSR1)):
-        with monkeypatch.context() as patched, pytest.raises(SystemExit):
+        with monkeypatch.context() as patched:
             stopped_in(patched, "on_train_batch_start", epoch, 1, signum)
-            train(options("overwrite=true"))
+            with pytest.raises(SystemExit):
+                train(options("overwrite=true"))
         assert status_of(tmp_path / "run")["state"] == "preempted"
     capsys.readouterr()
     train(options("overwrite=true"))
@@ -105,9 +107,10 @@ def test_a_replacement_that_was_cut_off_brings_no_old_run_back(
     def cut(self: Owned, below: str = "", keep: Any = ()) -> None:
         raise PowerCutError
 
-    with monkeypatch.context() as patched, pytest.raises(PowerCutError):
+    with monkeypatch.context() as patched:
         patched.setattr(Owned, "remove", cut)
-        train(tiny(*QUICK, "overwrite=true"))
+        with pytest.raises(PowerCutError):
+            train(tiny(*QUICK, "overwrite=true"))
     capsys.readouterr()
     train(tiny(*QUICK))
     said = capsys.readouterr().out
@@ -192,9 +195,10 @@ def test_what_changed_between_two_starts_is_said(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     options = tiny(*QUICK, f"data.root={own_frames}", "trainer.max_epochs=2")
-    with monkeypatch.context() as patched, pytest.raises(PowerCutError):
+    with monkeypatch.context() as patched:
         cut_in(patched, 1)
-        train(options)
+        with pytest.raises(PowerCutError):
+            train(options)
     capsys.readouterr()
     without_depth(own_frames / "cecum_t1_a", 1)
     with monkeypatch.context() as patched:

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from col3d.checks import UserError
 from col3d.owned import Owned
 from col3d.whole import write_whole
 
@@ -52,8 +53,17 @@ class PredictionWriter:
     ) -> None:
         """Append a frame: depth (h, w) in mm, normals (h, w, 3) of unit length, image (h, w, 3) in [0, 1].
 
+        Raises:
+            UserError: a number is not finite, or a file of others is in the way.
+
         With the truth, `occlusion` (h, w) is True where another surface lies behind the seen one.
         """
+        for what, values in (("depth", depth), ("normals", normals)):
+            if values is not None and not np.isfinite(values).all():
+                raise UserError(
+                    f"{what} of {video}, frame {frame}, is not finite: the network's weights are damaged, or "
+                    "of a training that diverged"
+                )
         if video != self.video:
             self._close()
             self.video = video
