@@ -34,7 +34,7 @@ from col3d.reports.run_page import PAGE, write_run_page
 from col3d.reports.summary import print_summary, write_json
 from col3d.tasks import SupervisedTask
 
-AGAIN = "the same command makes it again"
+AGAIN = "the result stands; the same command makes it again"
 
 
 def best_weights(task: SupervisedTask, folder: RunFolder) -> int:

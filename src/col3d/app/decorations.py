@@ -26,7 +26,7 @@ class Decorations:
                 if type(error).__name__ in ("UserError", "DataError")
                 else f"{type(error).__name__}: {reason}"
             )
-            print(f"note: {name} failed ({said.rstrip(': ')}); the result stands; {self.again}", flush=True)
+            print(f"note: {name} failed ({said.rstrip(': ')}); {self.again}", flush=True)
             self.undone.append(name)
 
     def but(self, names: Sequence[str]) -> list[str]:

@@ -61,7 +61,7 @@ def evaluate(given: Mapping[str, Any]) -> None:
         Owned(folder, KIND, "output_dir").claim(*FILES)
         _score(stored, frames, name, protocol, subject, results)
         summary = results.write(subject.task, Path(options.checkpoint), {})
-        decorations = Decorations("the same command makes it again")
+        decorations = Decorations("the result stands; the same command makes it again")
         with decorations.one("panels"):
             results.panels.clear()
             results.panels.draw()

@@ -133,7 +133,7 @@ def _checked_room(options: FuseOptions) -> Path:
         raise UserError(f"output: {output} is a file; name a folder")
     owned = Owned(output, "fusion", "output")
     owned.check(WRITTEN)
-    if any(owned.there()) and not options.overwrite:
+    if SUMMARY in owned.there() and not options.overwrite:
         raise UserError(f"output: {output} holds a fusion already; name another folder or overwrite=true")
     return output
 

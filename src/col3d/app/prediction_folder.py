@@ -12,6 +12,7 @@ import torch
 from PIL import Image
 
 from col3d.app.config import PredictOptions
+from col3d.app.decorations import Decorations
 from col3d.app.learnt import Learnt
 from col3d.app.predicted import Clouds, CodeFiles, Pictures, Predicted
 from col3d.app.provenance import provenance
@@ -191,9 +192,12 @@ class PredictionFolder:
         if not self.written:
             return
         flicker = float(np.mean(self.flicker)) if self.flicker else None
-        write_json(self.path / SUMMARY, self._summary(stopped, flicker))
         if self.is_series:
-            draw_over_time(self.path / TABLE, self.path / CHART)
+            with Decorations("the rest is there").one(CHART):
+                draw_over_time(self.path / TABLE, self.path / CHART)
+        write_json(
+            self.path / SUMMARY, self._summary(stopped, flicker)
+        )  # last, for it says that all is there
         for fault in self.faults[:MOST_FAULTS]:
             print(f"skipped: {fault}", flush=True)
         if len(self.faults) > MOST_FAULTS:
@@ -250,6 +254,6 @@ def _checked_room(path: Path, options: PredictOptions, source: ImageSource) -> O
     written = {(path / name).resolve() for name in owned.there()}
     if any(file.resolve() in written for file in source.paths):
         raise UserError(f"output: {path} holds the input, {options.input}; name another folder")
-    if written and not options.overwrite:
+    if (path / SUMMARY).resolve() in written and not options.overwrite:  # one that ended, early or not
         raise UserError(f"output: {path} holds a prediction already; name another folder or overwrite=true")
     return owned

@@ -14,7 +14,7 @@ from col3d.app.starts import STARTS, Start, Starts
 from col3d.callbacks import BestCheckpoint
 from col3d.checks import UserError
 from col3d.owned import Owned
-from col3d.reports.jobs import RESULT, STATUS, read_plain
+from col3d.reports.jobs import RESULT, STATUS, TRAINING, read_plain
 from col3d.reports.predictions import INDEX, owned_predictions
 from col3d.reports.run_page import PAGE
 from col3d.reports.summary import write_json
@@ -23,7 +23,7 @@ from col3d.whole import write_whole
 CONFIG = "config.yaml"
 CHECKPOINTS = "checkpoints"
 PREDICTIONS = "predictions_test"
-KIND, OPTION = "training", "hydra.run.dir"
+KIND, OPTION = TRAINING, "hydra.run.dir"
 BEST, LAST = f"{CHECKPOINTS}/best.ckpt", f"{CHECKPOINTS}/last.ckpt"
 FILES = (
     *(RESULT, STATUS, CONFIG, STARTS, "summary.json", "per_frame.csv", "metrics.csv", "bad_batch.pt"),
@@ -114,7 +114,7 @@ class RunFolder:
             UserError: names the file.
         """
         found, changed = run_of(content), self._changes(content)
-        if changed or (found is not None and found != self.starts.run):
+        if found != self.starts.run if found is not None else changed:
             why = f"with another {', '.join(changed)}" if changed else "of the same options"
             raise UserError(
                 f"{self.path / BEST} is of another run, {why}; put this run's own back, or move it away: "

@@ -6,6 +6,7 @@ from typing import Any, TypeVar
 import torch
 from torch import Tensor
 
+from col3d.app.checkpoints import CheckpointFiles
 from col3d.app.config import SourceOptions
 from col3d.app.learnt import Learnt, learnt, trained_task
 from col3d.app.same_outputs import phantom_frame
@@ -50,7 +51,7 @@ def write_weights(source: Path, path: Path) -> float:
         "hyper_parameters": {"options": options.model_copy(update=elsewhere).model_dump()},
         "about": {name: about[name] for name in KEPT if name in about},
     }
-    torch.save(content, path)
+    CheckpointFiles().save_checkpoint(content, path)
     difference = _difference(learnt(source), learnt(path))
     if not difference < SAME:
         raise UserError(

@@ -12,6 +12,8 @@ from typing import Any
 from col3d.reports.summary import write_json
 
 STATUS, RESULT, LOCK, PLAN = "status.json", "result.json", ".lock", "sweep.json"
+TRAINING = "training"
+"""What its folder is said to own its files as; see `col3d.owned`."""
 STATES = ("done", "running", "preempted", "cut off", "failed", "missing")
 """`cut off`: neither running nor ended, as after a power cut."""
 
