@@ -195,9 +195,7 @@ class PredictionFolder:
         if self.is_series:
             with Decorations("the rest is there").one(CHART):
                 draw_over_time(self.path / TABLE, self.path / CHART)
-        write_json(
-            self.path / SUMMARY, self._summary(stopped, flicker)
-        )  # last, for it says that all is there
+        write_json(self.path / SUMMARY, self._summary(stopped, flicker))  # says that all is there
         for fault in self.faults[:MOST_FAULTS]:
             print(f"skipped: {fault}", flush=True)
         if len(self.faults) > MOST_FAULTS:

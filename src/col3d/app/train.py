@@ -41,8 +41,9 @@ from col3d.callbacks import (
 from col3d.callbacks.finite_numbers import DivergedError
 from col3d.checks import UserError, and_beneath
 from col3d.data.datamodule import FrameDataModule
-from col3d.reports.jobs import RESULT, read_plain
+from col3d.reports.jobs import read_plain
 from col3d.tasks import SupervisedTask
+from col3d.whole import write_whole
 
 WATCHED = "val/abs_rel"
 
@@ -94,7 +95,7 @@ def _trained(options: TrainOptions, folder: RunFolder, stop: StopSignals) -> flo
         show_again(options, folder)
     if not is_first():
         return math.nan
-    best = read_plain(folder.path / RESULT)["best"]
+    best = folder.finished["best"]
     score = tuple(float(best[name]) for name in options.objective)
     return score[0] if len(score) == 1 else score
 
@@ -158,6 +159,8 @@ def _fit_and_test(
         trainer.fit(task, datamodule=data, ckpt_path=folder.cut_off, weights_only=True)
     if best.best_model_score is None:
         raise UserError(f"{WATCHED} was never finite: nothing to evaluate; lower optimizer.lr")
+    if is_first() and not last.path.is_file():  # the best one was all that was left, and is of the last epoch
+        write_whole(last.path, best.path.read_bytes())
     epoch = best_weights(task, folder)
     with _in_a_line():
         trainer.test(task, datamodule=data, verbose=False)
