@@ -61,10 +61,13 @@ def decorate(
     task: SupervisedTask,
     loggers: Sequence[Logger],
     wanted: Sequence[str] = DECORATIONS,
-) -> None:
+) -> Mapping[str, Any]:
     """Make what is wanted, once the result is written; what fails is said, and left to be made again.
 
     Every process of a training draws the frames that it has seen, and the first one does all the rest.
+
+    Returns:
+        The summary, with the cost.
     """
     made = Decorations(AGAIN)
     if "panels" in wanted:
@@ -76,7 +79,7 @@ def decorate(
             results.panels.draw()
         task.trainer.strategy.barrier()
     if not is_first():
-        return
+        return summary
     if "cost" in wanted:
         with made.one("cost"):
             height, width = folder.options.data.size
@@ -88,6 +91,7 @@ def decorate(
     with made.one(PAGE):
         write_run_page(folder.path)
     folder.decorated(made.but(DECORATIONS))
+    return summary
 
 
 def show_again(options: TrainOptions, folder: RunFolder) -> None:

@@ -98,8 +98,12 @@ class PredictionWriter:
 
 
 def owned_predictions(folder: Path) -> Owned:
-    """Which files of a folder are predictions that this program wrote."""
-    return Owned(folder, "predictions", "predictions")
+    """Which files of a folder are predictions that this program wrote; older ones have no list."""
+    owned = Owned(folder, "predictions", "predictions")
+    if not owned.names and {"max_depth", "split"} <= (read_facts(folder) or {}).keys():
+        videos = dict.fromkeys(video for video, _ in StoredPredictions(folder).frames())
+        owned.adopt(INDEX, *(f"{video}.npz" for video in videos))
+    return owned
 
 
 class StoredPredictions:

@@ -14,9 +14,11 @@ import yaml
 from markupsafe import Markup
 
 from col3d.checks import UserError
+from col3d.owned import Owned
 from col3d.reports.figures.material import Method
 from col3d.reports.figures.style import VERMILLION, Style
 from col3d.reports.figures.training_curves import curves, draw_methods
+from col3d.reports.jobs import TRAINING
 from col3d.reports.page import data_uri, environment
 from col3d.reports.per_frame import DEPTH_METRICS, NORMAL_METRICS
 from col3d.reports.runs import Run
@@ -111,6 +113,8 @@ def _curves(run: Run) -> str | None:
 if __name__ == "__main__":
     try:
         for given in sys.argv[1:] or ["runs/default"]:
+            owned = [Owned(Path(given), kind, "FOLDER") for kind in (TRAINING, "evaluation")]
+            next((one for one in owned if PAGE in one.names), owned[0]).claim(PAGE)
             print(write_run_page(Path(given)))
     except (UserError, ValueError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
