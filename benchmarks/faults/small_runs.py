@@ -37,6 +37,7 @@ class SmallRun:
         mark: the file in the output by which it looks finished.
         ready: puts there what is to be there first.
         beside: folders of the output where files of others lie.
+        once: whether what has ended is not made again without overwrite=true.
     """
 
     name: str
@@ -45,6 +46,7 @@ class SmallRun:
     mark: str
     ready: Callable[[Path], None] = lambda place: None
     beside: tuple[str, ...] = ("",)
+    once: bool = False
 
     def given(self, place: Path) -> Any:
         """What the command is called with."""
@@ -179,9 +181,9 @@ RUNS = (
     SmallRun("train", _train, "run", "result.json", beside=("", "panels")),
     SmallRun("prepare", _prepare, "prepared", "store/desc_t4_a_s1/index.json", beside=()),
     SmallRun("evaluate", _evaluate, "scored", "summary.json", beside=("", "panels")),
-    SmallRun("predict", _predict, "predicted", "summary.json"),
+    SmallRun("predict", _predict, "predicted", "summary.json", once=True),
     SmallRun("export", _export, "exported", "none", _exported_before),
-    SmallRun("fuse", _fuse, "fused", "fusion.json"),
+    SmallRun("fuse", _fuse, "fused", "fusion.json", once=True),
     SmallRun("report", _report, "paper", "none", beside=("", "tables", "figures")),
 )
 

@@ -193,7 +193,7 @@ class PredictionFolder:
             return
         flicker = float(np.mean(self.flicker)) if self.flicker else None
         if self.is_series:
-            with Decorations("the rest is there").one(CHART):
+            with Decorations("the rest is there; overwrite=true makes all of it again").one(CHART):
                 draw_over_time(self.path / TABLE, self.path / CHART)
         write_json(self.path / SUMMARY, self._summary(stopped, flicker))  # says that all is there
         for fault in self.faults[:MOST_FAULTS]:

@@ -23,7 +23,7 @@ from col3d.app.machine import check_accelerator, make_trainer, quiet
 from col3d.app.metrics_file import MetricsFile, RowsInCheckpoints
 from col3d.app.provenance import provenance
 from col3d.app.rank import end_with_first, is_first
-from col3d.app.results import SUMMARY, Results, facts_of
+from col3d.app.results import Results, facts_of
 from col3d.app.run_folder import CHECKPOINTS, KIND, RunFolder
 from col3d.app.scored import Scored
 from col3d.app.starts import this_start
@@ -41,7 +41,6 @@ from col3d.callbacks import (
 from col3d.callbacks.finite_numbers import DivergedError
 from col3d.checks import UserError, and_beneath
 from col3d.data.datamodule import FrameDataModule
-from col3d.reports.jobs import read_plain
 from col3d.tasks import SupervisedTask
 from col3d.whole import write_whole
 
@@ -170,11 +169,10 @@ def _fit_and_test(
         tables = [logger for logger in loggers if isinstance(logger, MetricsFile)]
         summary = results.write(task, best.path, found, tables)
         folder.finish(found, summary["metrics"], status.seconds)
-    decorate(
-        folder, results, summary, task, [logger for logger in loggers if not isinstance(logger, MetricsFile)]
-    )
+    others = [logger for logger in loggers if not isinstance(logger, MetricsFile)]
+    shown = decorate(folder, results, summary, task, others)
     if is_first():
-        results.show(read_plain(folder.path / SUMMARY), best.path)
+        results.show(shown, best.path)
 
 
 @contextmanager
