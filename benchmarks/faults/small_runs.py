@@ -20,8 +20,8 @@ MINE = "precious"
 """What files of others hold, which lie everywhere."""
 EVALUATED = "trained/predictions_"
 """What an evaluation keeps beside the run that it scores."""
-PREVIEWS = (".png", ".mp4", ".html", ".npz")
-"""Endings of files whose bytes are of no weight, or hold the time."""
+PREVIEWS = (".png", ".mp4", ".html", ".npz", ".ply")
+"""Endings of files whose bytes hold the time, are of no weight, or differ from run to run."""
 TIMES = ("seconds",)
 """Columns of tables that differ from run to run."""
 
@@ -111,7 +111,7 @@ def _weights(path: Path) -> bytes:
 
 def _facts(path: Path) -> bytes:
     content = json.loads(path.read_text())
-    return json.dumps([content.get(key) for key in ("metrics", "best", "frames", "comparisons")]).encode()
+    return json.dumps([content.get(key) for key in ("metrics", "best", "frames")]).encode()
 
 
 def _rows(path: Path) -> bytes:
