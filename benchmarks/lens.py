@@ -5,7 +5,8 @@
 Prints tables in Markdown. The first is of all ordered pairs of every n-th frame, by how many frames they are
 apart: the median over pairs of the median |z - depth there| in mm, and the range over pairs; points are every
 hundredth pixel that lies on a smooth surface which both frames see, or in the last column every one that
-falls into the other frame. The second, where the video stores normals, is their median angle to those of the depth.
+falls into the other frame. The second, where the video stores normals, is their median angle to those of the
+depth.
 """
 
 import argparse

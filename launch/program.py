@@ -21,7 +21,8 @@ from omegaconf import DictConfig, OmegaConf, read_write
 from omegaconf.errors import OmegaConfBaseException
 
 from col3d.checks import DataError, TakenError, UserError
-from col3d.reports.jobs import STATUS, read_plain
+from col3d.owned import Owned
+from col3d.reports.jobs import STATUS, TRAINING, read_plain
 from col3d.reports.summary import write_json
 from launch.choices import as_groups, check_choices
 from launch.files import CONF
@@ -135,8 +136,12 @@ def composed(config_name: str, overrides: Sequence[str]) -> dict[str, Any]:
 
 def _note_failure(folder: Path, reason: str) -> None:
     """Say of a job of a sweep why it never began; one that began has said it itself."""
-    said = read_plain(folder / STATUS)
-    if folder.is_dir() and said.get("state") != "failed":
+    said, owned = read_plain(folder / STATUS), Owned(folder, TRAINING, "hydra.run.dir")
+    with suppress(UserError):  # a folder of others, which is why
+        owned.check([STATUS])
+        if not folder.is_dir() or said.get("state") == "failed":
+            return
+        owned.claim(STATUS)
         write_json(folder / STATUS, {**said, "state": "failed", "error": reason.splitlines()[-1]})
 
 

@@ -36,7 +36,7 @@ from benchmarks.faults.processes import (
 )
 from benchmarks.faults.surroundings import jumping_clock, no_wandb
 from benchmarks.faults.training import LostError, NotMadeError
-from benchmarks.faults.trial import Trial
+from benchmarks.faults.trial import Trial, row
 from col3d.reports.jobs import RESULT, STATUS
 
 Make = Callable[[Trial], list[str]]
@@ -154,11 +154,6 @@ def tried(place: Path, undisturbed: Trial, fault: str, made: str, make: Make) ->
     print(row([fault, made, *cells]), flush=True)
     shutil.rmtree(own, ignore_errors=True)
     return cells
-
-
-def row(cells: Sequence[str]) -> str:
-    """Of a table in Markdown."""
-    return f"| {' | '.join(cell.replace('|', '/').replace(chr(10), ' ') for cell in cells)} |"
 
 
 def wrong(cells: Sequence[str]) -> bool:

@@ -160,3 +160,8 @@ def _weights_differ(run: Path, whole: Path, name: str) -> bool:
     return found.keys() != expected.keys() or any(
         values.numpy().tobytes() != expected[key].numpy().tobytes() for key, values in found.items()
     )
+
+
+def row(cells: Sequence[str]) -> str:
+    """Of a table in Markdown."""
+    return f"| {' | '.join(cell.replace('|', '/').replace(chr(10), ' ') for cell in cells)} |"

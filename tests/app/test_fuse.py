@@ -38,7 +38,7 @@ def test_truth_and_prediction_of_a_video(
     errors = both["comparisons"]["prediction to fused truth"]  # type: ignore[index]
     assert errors["accuracy_mean_mm"] > 0.5
     assert both["scale"] != 1.0
-    assert {path.name for path in (tmp_path / "both").iterdir()} == {
+    assert {path.name for path in (tmp_path / "both").glob("[!.]*")} == {
         *("truth.ply", "predicted.ply", "error.ply", "fusion.json", "fusion.html")
     }
     with pytest.raises(UserError, match="holds a fusion already"):

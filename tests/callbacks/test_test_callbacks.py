@@ -115,8 +115,10 @@ def test_other_processes_write_nothing(tmp_path: Path) -> None:
     [(1, {0}), (2, {0, 4}), (3, {0, 2, 4}), (9, {0, 1, 2, 3, 4}), (0, set())],
 )
 def test_panels_are_spread_over_the_frames(tmp_path: Path, count: int, expected: set[int]) -> None:
-    callback = ImagePanels(tmp_path / "panels", count)
+    callback = ImagePanels(tmp_path, "training", count)
     run(callback, [batch_of([0, 1, 2], "b"), batch_of([3, 4], "b")], normals=count == 2)
+    assert callback.paths == []  # the result is written first
+    callback.draw()
     stems = {f"b_{number:04d}" for number in expected}
     written = {path.name for path in (tmp_path / "panels").glob("*")}
     assert written == {f"{stem}.{kind}" for stem in stems for kind in ("png", "npz")}
@@ -126,6 +128,7 @@ def test_panels_are_spread_over_the_frames(tmp_path: Path, count: int, expected:
 
 def test_each_process_draws_its_own_frames(tmp_path: Path) -> None:
     """Frames 0, 2, 5 and 7 of eight; the second of two processes has the odd ones."""
-    callback = ImagePanels(tmp_path, 4)
+    callback = ImagePanels(tmp_path, "training", 4)
     run(callback, [batch_of([1, 3], "b"), batch_of([5, 7], "b")], world_size=2, global_rank=1)
+    callback.draw()
     assert [path.name for path in callback.paths] == ["b_0005.png", "b_0007.png"]

@@ -20,6 +20,7 @@ from col3d.app.run_folder import RunFolder
 from col3d.app.truth import keep_truth
 from col3d.callbacks import StopSignals
 from col3d.checks import UserError
+from col3d.owned import Owned
 from col3d.reports.jobs import add_to_plan, is_locked, read_job
 
 
@@ -85,7 +86,9 @@ def run_benchmark(jobs: Sequence[Job], train: Path, output: Path, parallel: int 
             f"another process still trains {', '.join(elsewhere)}; the same command reports when it is done"
         )
     keep_truth(output / "truth", jobs[0].options)
-    subprocess.run([sys.executable, "-m", "col3d.reports", str(output), str(output / "report")], check=True)
+    write = [sys.executable, "-m", "col3d.reports", str(output), str(output / "report")]
+    if subprocess.run(write, check=False).returncode:
+        raise UserError(f"the runs are there; their report in {output / 'report'} is not, as said above")
     if failed:
         raise UserError("\n".join(f"failed: {job.folder}: {_last_line(job)}" for job in failed))
 
@@ -117,7 +120,10 @@ def _run(job: Job, train: Path, threads: str, processes: "list[subprocess.Popen[
     """Run a job with its output in `log.txt`, in a session of its own, which Ctrl-C does not reach."""
     if is_locked(job.folder):
         return "left to another process"
-    job.folder.mkdir(parents=True, exist_ok=True)
+    owned = Owned(job.folder, "log", "benchmark.output")
+    if read_job(job.folder).status:  # what lies there is a run
+        owned.adopt("log.txt")
+    owned.claim("log.txt")
     with (job.folder / "log.txt").open("w", encoding="utf-8") as log:
         process = subprocess.Popen(
             [sys.executable, str(train), *job.overrides, f"hydra.run.dir={job.folder}"],

@@ -5,7 +5,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-import torch
 from torch import nn
 from torch.optim import SGD, Adam, AdamW, Optimizer
 
@@ -25,6 +24,7 @@ from col3d.checks import UserError
 from col3d.layers.freeze import freeze
 from col3d.layers.network import DepthNetwork
 from col3d.layers.patch_gan import PatchGAN
+from col3d.layers.weight_file import check_finite
 from col3d.losses import WeightedLoss
 from col3d.metrics import Protocol
 from col3d.models import create
@@ -121,20 +121,19 @@ def scheduler(options: SchedulerOptions) -> SchedulerFactory | None:
             )
 
 
-def load_weights(built: SupervisedTask, checkpoint: Path) -> int:
-    """Load a checkpoint of ours into a task, opened as weights and plain values only.
+def fill(built: SupervisedTask, content: Mapping[str, Any], checkpoint: Path) -> int:
+    """Load what a checkpoint of ours holds into a task.
 
     Returns:
         The epoch it is of.
 
     Raises:
-        UserError: its tensors are not those of the task.
+        UserError: its tensors are not finite, or not those of the task.
     """
-    return fill(built, torch.load(checkpoint, map_location="cpu", weights_only=True), checkpoint)
-
-
-def fill(built: SupervisedTask, content: Mapping[str, Any], checkpoint: Path) -> int:
-    """The same of a checkpoint that is read already."""
+    try:
+        check_finite(content["state_dict"])
+    except (KeyError, TypeError, AttributeError, ValueError) as error:
+        raise UserError(f"checkpoint: {checkpoint}: {' '.join(str(error).split())}") from None
     try:
         built.load_state_dict(content["state_dict"])
         return int(content["epoch"])

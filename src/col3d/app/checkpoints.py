@@ -5,8 +5,8 @@ import os
 import pickle
 import zipfile
 import zlib
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ import torch
 from lightning.fabric.plugins.io.torch_io import TorchCheckpointIO
 
 from col3d.checks import UserError, and_beneath
+from col3d.whole import whole_file
 
 
 class DamagedError(Exception):
@@ -30,17 +31,11 @@ class CheckpointFiles(TorchCheckpointIO):
             OSError: the disk is full, or may not be written to.
         """
         path = Path(path)
-        partial = path.with_name(f"{path.name}.partial")
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
-            with partial.open("wb") as file:
+            with whole_file(path) as file:
                 torch.save(checkpoint, file)
-                file.flush()
-                os.fsync(file.fileno())
-            partial.replace(path)
         except BaseException as error:
-            with suppress(OSError):
-                partial.unlink()
             raise _cause(error, path) from None
         folder = os.open(path.parent, os.O_RDONLY)
         os.fsync(folder)
@@ -104,3 +99,10 @@ def _are_rows(rows: Any) -> bool:
     return isinstance(rows, list) and all(
         isinstance(row, dict) and isinstance(row.get("epoch"), int) for row in rows
     )
+
+
+def run_of(content: Mapping[str, Any]) -> str | None:
+    """The run that a checkpoint is of; None where it does not say."""
+    about = content.get("about")
+    found = about.get("run") if isinstance(about, Mapping) else None
+    return found if isinstance(found, str) else None

@@ -300,6 +300,14 @@ class ProtocolOptions(Options):
     normal_axes: Literal["house", "published"]
     average: Literal["frame", "video", "pixel"]
 
+    @model_validator(mode="after")
+    def _has_a_range(self) -> "ProtocolOptions":
+        if self.truth_range[0] >= self.truth_range[1]:
+            raise ValueError(
+                f"protocol.truth_range: expected [low,high] with low below high, got {self.truth_range}"
+            )
+        return self
+
 
 Protocols = Annotated[dict[str, ProtocolOptions], Field(min_length=1)]
 """By name: `protocol=house`, or `protocol=[house,published]` where several can be."""

@@ -1,6 +1,5 @@
 """Predict a part of a split once, and score the predictions under any number of protocols."""
 
-import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,17 +11,27 @@ from torch.utils.data import DataLoader
 from col3d.app import build
 from col3d.app.compiled import compile_network
 from col3d.app.config import EvaluateOptions, ProtocolOptions, TrainerOptions
+from col3d.app.data_state import part_state
+from col3d.app.decorations import Decorations
 from col3d.app.errors import check_options
 from col3d.app.frames import full_frames, sized_frames
 from col3d.app.learnt import SHIPPED, located
+from col3d.app.machine import check_accelerator, make_trainer, quiet
 from col3d.app.results import Results, facts_of
 from col3d.app.subject import Subject, subject_of
-from col3d.app.train import check_accelerator, make_trainer, quiet
+from col3d.app.truth_check import has_truth
 from col3d.batch import Batch, Prediction
 from col3d.callbacks import SavePredictions
+from col3d.checks import UserError
 from col3d.data.datamodule import FrameDataModule, Frames
 from col3d.data.sized import SizedFrames, WithMixedTruth
-from col3d.reports.predictions import StoredPredictions, read_facts
+from col3d.owned import Owned
+from col3d.reports.predictions import StoredPredictions, owned_predictions, read_facts
+from col3d.reports.run_page import PAGE, write_run_page
+
+KIND = "evaluation"
+FILES = ("summary.json", "per_frame.csv", PAGE)
+"""What an evaluation writes, beside pictures and predictions."""
 
 
 def evaluate(given: Mapping[str, Any]) -> None:
@@ -40,13 +49,38 @@ def evaluate(given: Mapping[str, Any]) -> None:
     subject = subject_of(options)
     frames = sized_frames(subject.data, subject.phantom, options.split, subject.data.size)
     subject.scored.print_audit()
+    for name in options.protocol:
+        owned = Owned(_folder(options, name), KIND, "output_dir")
+        owned.check(FILES)
     for name, protocol in options.protocol.items():
+        _check_truth(subject, frames, name, protocol, options)
         stored = _predicted(subject, frames, protocol.mirror, options)
         facts = facts_of(subject.name, subject.seed, subject.scored, name)
         folder, lengths = _folder(options, name), {str(options.split): len(frames)}
-        results = Results(facts, folder, subject.scored, lengths, options.panels, protocol.average)
+        results = Results(facts, folder, KIND, subject.scored, lengths, options.panels, protocol.average)
+        Owned(folder, KIND, "output_dir").claim(*FILES)
         _score(stored, frames, name, protocol, subject, results)
-        results.write(subject.task, Path(options.checkpoint), {})
+        summary = results.write(subject.task, Path(options.checkpoint), {})
+        decorations = Decorations("the result stands; the same command makes it again")
+        with decorations.one("panels"):
+            results.panels.clear()
+            results.panels.draw()
+        with decorations.one(PAGE):
+            write_run_page(folder)
+        results.show(summary, Path(options.checkpoint))
+
+
+def _check_truth(
+    subject: Subject, frames: SizedFrames, name: str, protocol: ProtocolOptions, options: EvaluateOptions
+) -> None:
+    """Refuse to score what nothing is known of, before anything is predicted."""
+    low, high = protocol.truth_range
+    if not has_truth(_truth(frames, protocol, subject, options.split), [low, high]):
+        raise UserError(
+            f"data.split.{options.split}: none of its {len(frames)} frames in {subject.data.root} has a "
+            f"pixel of valid depth that protocol {name} counts, within {low:g} and {high:g} mm: nothing can "
+            "be scored"
+        )
 
 
 def _predicted(
@@ -56,6 +90,7 @@ def _predicted(
     folder = _run(options) / _name("predictions", options, mirror)
     facts = _facts(subject, frames, mirror, options)
     if read_facts(folder) != facts:
+        owned_predictions(folder).check_place()
         subject.task.mirror = mirror
         data = FrameDataModule({"test": frames}, subject.data.batch_size, subject.data.workers)
         if options.compile:
@@ -79,6 +114,7 @@ def _facts(
         "data": [data.name, str(Path(data.root).absolute()), data.release, data.size],
         "split": [options.split, list(getattr(data.split, options.split)), len(frames)],
         "mirror": mirror,
+        "files": part_state(data, subject.phantom, options.split),
     }
 
 
@@ -94,7 +130,6 @@ def _score(
     native = options.resolution == "native"
     truth = _truth(frames, options, subject, str(results.facts["split"]))
     protocol, mean = build.protocol(name, options), subject.task.mean_depth
-    shutil.rmtree(results.panels.folder, ignore_errors=True)
     results.panels.choose(len(frames))
     for batch in DataLoader(truth, batch_size=1, num_workers=subject.data.workers):
         prediction = _read(stored, batch)
@@ -102,7 +137,7 @@ def _score(
         baseline = {} if mean is None else protocol.score({"depth": mean.expand_as(batch["depth"])}, batch)
         results.table.add(batch, values, baseline)
         if not native:
-            results.panels.draw(batch, prediction, values)
+            results.panels.keep(batch, prediction, values)
     results.table.save()
 
 

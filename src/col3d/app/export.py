@@ -16,12 +16,12 @@ from col3d.app.config import ExportOptions
 from col3d.app.errors import check_options
 from col3d.app.exported_facts import facts_of
 from col3d.app.learnt import Learnt, learnt, located
+from col3d.app.machine import quiet
 from col3d.app.onnx_file import OnnxFile, write_onnx
 from col3d.app.program_file import ProgramFile, write_program
 from col3d.app.same_outputs import File, Likeness, compare
 from col3d.app.stopping import stoppable
 from col3d.app.traced import LEAST_SIDE, traced
-from col3d.app.train import quiet
 from col3d.app.weights_file import write_weights
 from col3d.callbacks import StopSignals
 from col3d.checks import UserError

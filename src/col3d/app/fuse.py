@@ -16,9 +16,9 @@ from col3d.app.config import FuseOptions
 from col3d.app.errors import check_options
 from col3d.app.foreseen import in_a_line
 from col3d.app.learnt import SIZE, Learnt, learnt
+from col3d.app.machine import check_accelerator, quiet
 from col3d.app.provenance import provenance
 from col3d.app.stopping import stoppable
-from col3d.app.train import check_accelerator, quiet
 from col3d.callbacks import StopSignals
 from col3d.checks import DataError, UserError
 from col3d.data.c3vd import C3VD, C3VDv2
@@ -29,6 +29,7 @@ from col3d.data.processes import frames_bar
 from col3d.data.resize import Resize
 from col3d.data.videos import canonical_name, described
 from col3d.geometry import Camera
+from col3d.owned import Owned
 from col3d.reports.fusion import print_fusion, write_fusion_page
 from col3d.reports.scenes import Cloud, Scene, error_colours, thinned
 from col3d.reports.summary import write_json
@@ -112,9 +113,9 @@ def _fuse(options: FuseOptions, stop: StopSignals) -> None:
 
 def _write(output: Path, found: dict[str, Any], surfaces: Mapping[str, "Surface"]) -> None:
     """Put everything in place of an earlier fusion."""
-    output.mkdir(parents=True, exist_ok=True)
-    for name in WRITTEN:
-        (output / name).unlink(missing_ok=True)
+    owned = Owned(output, "fusion", "output")
+    owned.remove()
+    owned.claim(*WRITTEN)
     clouds = []
     if truth := surfaces.get("truth"):
         truth.write(output / "truth.ply")
@@ -145,10 +146,9 @@ def _checked_room(options: FuseOptions) -> Path:
     output = Path(options.output)
     if output.exists() and not output.is_dir():
         raise UserError(f"output: {output} is a file; name a folder")
-    there = [name for name in WRITTEN if (output / name).exists()]
-    if there and SUMMARY not in there:
-        raise UserError(f"output: {output} holds {there[0]}, which is of no fusion; name another folder")
-    if there and not options.overwrite:
+    owned = Owned(output, "fusion", "output")
+    owned.check(WRITTEN)
+    if SUMMARY in owned.there() and not options.overwrite:
         raise UserError(f"output: {output} holds a fusion already; name another folder or overwrite=true")
     return output
 

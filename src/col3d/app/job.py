@@ -92,7 +92,8 @@ def locked(folder: Path) -> Iterator[None]:
         yield
     finally:
         with suppress(OSError):  # a disk that became read-only; what went wrong has been said
-            path.unlink()
+            if not os.fstat(descriptor).st_size:  # a file of others has something in it
+                path.unlink()
         os.close(descriptor)
         for parent in made:
             with suppress(OSError):  # a run has begun in it

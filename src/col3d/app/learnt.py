@@ -1,5 +1,6 @@
 """A network that has learned: the one of a checkpoint, and what is known of how it came about."""
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,8 +13,10 @@ from torch.nn.functional import interpolate
 
 from col3d import weights
 from col3d.app import build
+from col3d.app.checkpoints import run_of
 from col3d.app.config import TrainOptions
 from col3d.app.errors import check_options
+from col3d.app.starts import Starts
 from col3d.batch import Prediction
 from col3d.checks import UserError
 from col3d.data.resize import resized_image
@@ -67,6 +70,7 @@ class Learnt:
 
         Raises:
             ValueError: the camera is needed and absent, or is of another size.
+            UserError: the network gives numbers that are not finite.
         """
         size_hw = (images.shape[2], images.shape[3])
         if camera is not None and camera.size_hw != size_hw:
@@ -78,6 +82,12 @@ class Learnt:
         enlarged: Prediction = {"depth": _at(prediction["depth"].float(), size_hw)}
         if "normals" in prediction:
             enlarged["normals"] = unit(_at(prediction["normals"].float(), size_hw))
+        for name, values in enlarged.items():
+            if not bool(values.isfinite().all()):  # type: ignore[attr-defined]
+                raise UserError(
+                    f"checkpoint: {name} that {self.name} predicts is not finite: its weights are damaged, "
+                    "or of a training that diverged"
+                )
         return enlarged
 
     def place(self, accelerator: str) -> None:
@@ -147,6 +157,7 @@ def trained_task(path: Path) -> tuple[SupervisedTask, TrainOptions, Mapping[str,
         UserError: it is no such checkpoint, or of another version.
     """
     checkpoint = _read(path)
+    _check_run(path, checkpoint)
     options = _trained_options(checkpoint, path)
     model = options.model.model_copy(update={"pretrained": None})
     task = build.task(options.model_copy(update={"model": model}))
@@ -175,11 +186,36 @@ def located(checkpoint: Path) -> Path:
     return Path(weights.__file__).with_name("shipped.ckpt") if str(checkpoint) == SHIPPED else checkpoint
 
 
+def _check_run(path: Path, checkpoint: Mapping[str, Any]) -> None:
+    """Refuse a checkpoint that another run left in the folder of a run."""
+    folder, run = path.absolute().parent, run_of(checkpoint)
+    home = Starts(folder.parent).run if folder.name == "checkpoints" else ""
+    if run is not None and home and run != home:
+        raise UserError(
+            f"checkpoint: {path} is of another run than {folder.parent}: put that run's own back, or copy "
+            "this one to another place"
+        )
+
+
 def _read(path: Path) -> dict[str, Any]:
+    if str(path) == SHIPPED:
+        _check_shipped(located(path))
     try:
         return read_weights(located(path))
     except ValueError as error:
         raise UserError(str(error)) from None
+
+
+def _check_shipped(path: Path) -> None:
+    """Hold the file that comes with the package against the sum that does."""
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise UserError(f"checkpoint: {path} of this package cannot be read ({error.strerror})") from None
+    if hashlib.sha256(content).hexdigest() != weights.SHIPPED_SHA256:
+        raise UserError(
+            f"checkpoint: {path} is damaged: it is not the file of this package; install it again"
+        )
 
 
 def _trained_options(checkpoint: Mapping[str, Any], path: Path) -> TrainOptions:

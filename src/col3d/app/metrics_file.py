@@ -1,6 +1,7 @@
 """metrics.csv: all that was logged of an epoch in a row."""
 
 import csv
+import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -8,6 +9,8 @@ from typing import Any
 from lightning import Callback, LightningModule, Trainer
 from lightning.pytorch.loggers import Logger
 from lightning.pytorch.utilities.rank_zero import rank_zero_only
+
+from col3d.whole import write_whole
 
 ROWS = "rows"
 """Where checkpoints keep the rows of the epochs before."""
@@ -51,12 +54,11 @@ class MetricsFile(Logger):
     def save(self) -> None:
         """Write all rows."""
         columns = sorted({name for row in self.rows.values() for name in row}, key=_place)
-        partial = self.path.with_suffix(".partial")
-        with partial.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, columns, lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(row for _, row in sorted(self.rows.items()))
-        partial.replace(self.path)
+        text = io.StringIO(newline="")
+        writer = csv.DictWriter(text, columns, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(row for _, row in sorted(self.rows.items()))
+        write_whole(self.path, text.getvalue())
 
     def finalize(self, status: str) -> None:
         """Write what is not yet written; a training that failed has said why, whatever comes of this."""

@@ -15,10 +15,10 @@ from col3d.app.config import PredictOptions
 from col3d.app.errors import check_options
 from col3d.app.foreseen import in_a_line
 from col3d.app.learnt import Learnt, learnt
+from col3d.app.machine import check_accelerator, quiet
 from col3d.app.predicted import Predicted
 from col3d.app.prediction_folder import PredictionFolder
 from col3d.app.stopping import stoppable
-from col3d.app.train import check_accelerator, quiet
 from col3d.callbacks import StopSignals
 from col3d.checks import DataError, UserError
 from col3d.data.ahead import ahead

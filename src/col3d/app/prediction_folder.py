@@ -2,7 +2,6 @@
 
 import csv
 import io
-import shutil
 from collections import deque
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
@@ -14,6 +13,7 @@ import torch
 from PIL import Image
 
 from col3d.app.config import PredictOptions
+from col3d.app.decorations import Decorations
 from col3d.app.learnt import Learnt
 from col3d.app.predicted import Clouds, CodeFiles, Pictures, Predicted
 from col3d.app.provenance import provenance
@@ -22,6 +22,7 @@ from col3d.data.images import ImageSource, Shot
 from col3d.geometry import Camera
 from col3d.geometry.camera_file import plain_from_camera
 from col3d.metrics.functional.flicker import temporal_flicker
+from col3d.owned import Owned
 from col3d.reports.over_time import draw_over_time
 from col3d.reports.summary import write_json
 from col3d.reports.video import VideoWriter
@@ -32,8 +33,9 @@ COLUMNS = (
     *("out_of_range", "flicker", "seconds", "fault"),
 )
 TABLE, SUMMARY, VIDEO, CHART = "predictions.csv", "summary.json", "side_by_side.mp4", "over_time.png"
-PARTS = ("frames", "previews", "clouds", TABLE, SUMMARY, VIDEO, CHART)
-"""All that is written, and so all that is replaced."""
+FILES = (TABLE, SUMMARY, VIDEO, CHART)
+PARTS = ("frames", "previews", "clouds", *FILES)
+"""All that is written."""
 ALMOST_ALL = 0.99
 """Share of the network's largest depth from which a pixel counts as out of its range."""
 FPS = 15.0
@@ -56,13 +58,13 @@ class PredictionFolder:
         lens: of their camera; None where unknown.
 
     Raises:
-        UserError: an earlier prediction is there.
+        UserError: an earlier prediction is there, or files of others, or the input itself.
     """
 
     def __init__(
         self, path: Path, options: PredictOptions, network: Learnt, source: ImageSource, lens: Camera | None
     ) -> None:
-        _check_room(path, options)
+        self.owned = _checked_room(path, options, source)
         self.path, self.network, self.source, self.lens, self.options = path, network, source, lens, options
         self.unit = "relative" if lens is None else "mm"
         self.is_series = source.is_video if options.video == "auto" else options.video
@@ -105,11 +107,12 @@ class PredictionFolder:
 
     def _begin(self) -> None:
         """Replace what was there, now that there is something to put in its place."""
-        _clear(self.path)
+        self.owned.remove()
+        self.owned.claim(*FILES)
         kinds = {"frames": self.files, "clouds": self.clouds, "previews": self.options.previews}
         for part, asked in kinds.items():
             if asked:
-                (self.path / part).mkdir(parents=True)
+                (self.path / part).mkdir(parents=True, exist_ok=True)
         self.table = (self.path / TABLE).open("w", encoding="utf-8", errors="backslashreplace", newline="")
         self.rows = csv.DictWriter(self.table, COLUMNS)
         with naming(self.path / TABLE):
@@ -137,11 +140,22 @@ class PredictionFolder:
         if self.is_series and page is not None:
             self.video.add(page)
         with_cloud = self.clouds is not None and self.written % self.options.clouds == 0
+        self.owned.claim(*self._names(frame, page is not None, with_cloud))
         self.pending.append(self.pool.submit(self._write_files, frame, page, with_cloud))
         self._wait(PENDING)
         self._add_row(row, _sparse(frame))
         self.written += 1
         self.seconds.append(frame.seconds)
+
+    def _names(self, frame: Predicted, with_page: bool, with_cloud: bool) -> list[str]:
+        """What is written of a frame."""
+        name = frame.shot.name
+        codes = ["depth"] if frame.normals is None else ["depth", "normals"]
+        return [
+            *(f"frames/{name}_{kind}.tiff" for kind in codes if self.files is not None),
+            *([f"clouds/{name}.ply"] if with_cloud else []),
+            *([f"previews/{name}.png"] if with_page and self.options.previews else []),
+        ]
 
     def skip(self, shot: Shot) -> None:
         """Note an image that could not be read."""
@@ -198,9 +212,10 @@ class PredictionFolder:
         if not self.written:
             return
         flicker = float(np.mean(self.flicker)) if self.flicker else None
-        write_json(self.path / SUMMARY, self._summary(stopped, flicker))
         if self.is_series:
-            draw_over_time(self.path / TABLE, self.path / CHART)
+            with Decorations("the rest is there; overwrite=true makes all of it again").one(CHART):
+                draw_over_time(self.path / TABLE, self.path / CHART)
+        write_json(self.path / SUMMARY, self._summary(stopped, flicker))  # says that all is there
         for fault in self.faults[:MOST_FAULTS]:
             print(f"skipped: {fault}", flush=True)
         if len(self.faults) > MOST_FAULTS:
@@ -245,36 +260,20 @@ def _sparse(frame: Predicted) -> torch.Tensor:
     return depth[None, None]
 
 
-def _check_room(path: Path, options: PredictOptions) -> None:
-    """Refuse to mix two predictions, and to delete what is none or is about to be read."""
+def _checked_room(path: Path, options: PredictOptions, source: ImageSource) -> Owned:
+    """What of a folder is an earlier prediction, where nothing of others and no input would be lost."""
     if path.exists() and not path.is_dir():
         raise UserError(f"output: {path} is a file; name a folder")
-    there = [part for part in PARTS if (path / part).exists()]
-    if not there:
-        return
-    if not _is_ours(path / TABLE):
-        raise UserError(f"output: {path} holds {there[0]}, which is of no prediction; name another folder")
-    source = Path(options.input).resolve()
-    if any(source.is_relative_to((path / part).resolve()) for part in there):
-        raise UserError(f"output: {path} holds the input, {options.input}; name another folder")
-    if not options.overwrite:
-        raise UserError(f"output: {path} holds a prediction already; name another folder or overwrite=true")
-
-
-def _is_ours(table: Path) -> bool:
-    try:
-        with table.open(encoding="utf-8") as file:
-            return file.readline().strip() == ",".join(COLUMNS)
-    except (OSError, UnicodeDecodeError):
-        return False
-
-
-def _clear(path: Path) -> None:
-    """Remove an earlier prediction."""
-    path.mkdir(parents=True, exist_ok=True)
+    owned = Owned(path, "prediction", "output")
     for part in PARTS:
-        found = path / part
-        if found.is_dir():
-            shutil.rmtree(found)
-        else:
-            found.unlink(missing_ok=True)
+        ours = any(name.split("/")[0] == part for name in owned.names)
+        if (path / part).exists() and not ours:
+            raise UserError(
+                f"output: {path} holds {part}, which is of no prediction of this program; name another folder"
+            )
+    written = {(path / name).resolve() for name in owned.there()}
+    if any(file.resolve() in written for file in source.paths):
+        raise UserError(f"output: {path} holds the input, {options.input}; name another folder")
+    if (path / SUMMARY).resolve() in written and not options.overwrite:  # one that ended, early or not
+        raise UserError(f"output: {path} holds a prediction already; name another folder or overwrite=true")
+    return owned

@@ -1,9 +1,10 @@
 """Where a result comes from: the command that made it, and the version of the code."""
 
+import hashlib
 import shlex
 import subprocess
 import sys
-from importlib.metadata import version
+from importlib.metadata import distribution, entry_points, packages_distributions, version
 from pathlib import Path
 
 PACKAGES = ("col3d", "torch", "lightning", "torchmetrics", "timm", "kornia", "numpy")
@@ -33,6 +34,24 @@ def commit() -> str | None:
 def versions() -> dict[str, str]:
     """Of the packages that numbers depend on."""
     return {name: version(name) for name in PACKAGES}
+
+
+def plugins() -> dict[str, str]:
+    """Packages that Hydra or Lightning find by themselves, and those that say they extend this one."""
+    groups = [group for group in entry_points().groups if group.startswith(("col3d", "lightning", "hydra"))]
+    offering = (point.dist for group in groups for point in entry_points(group=group))
+    found = {dist.name: dist.version for dist in offering if dist is not None}
+    hydra = packages_distributions().get("hydra_plugins", [])
+    return found | {name: distribution(name).version for name in hydra}
+
+
+def code_sum() -> str:
+    """Of all files of this package that can be run, committed or not."""
+    found = hashlib.blake2b(digest_size=8)
+    root = Path(__file__).parents[1]
+    for path in sorted(root.rglob("*.py")):
+        found.update(f"{path.relative_to(root).as_posix()}\0".encode() + path.read_bytes())
+    return found.hexdigest()
 
 
 def provenance() -> dict[str, object]:

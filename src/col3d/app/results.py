@@ -12,10 +12,11 @@ from col3d.app.scored import Scored
 from col3d.callbacks import ImagePanels, PerFrameTable
 from col3d.data.videos import describe
 from col3d.reports.per_frame import means
-from col3d.reports.run_page import PAGE, write_run_page
+from col3d.reports.run_page import PAGE
 from col3d.reports.summary import print_summary, summarise, write_json
 
 Facts = dict[str, str | int]
+SUMMARY = "summary.json"
 
 
 def facts_of(model: str, seed: int, scored: Scored, protocol: str) -> Facts:
@@ -35,20 +36,24 @@ class Results:
     Args:
         facts: what is the same for every frame; see `facts_of`.
         folder: where the files go.
+        kind: of what is written there; see `Owned`.
         scored: the part of a split that is scored.
         frames: number of frames of each part.
         panels: how many pictures.
         average: what weighs the same in the means: frame, video or pixel.
+        changed: what changed between the starts of the training, in lines.
     """
 
     def __init__(
         self,
         facts: Facts,
         folder: Path,
+        kind: str,
         scored: Scored,
         frames: Mapping[str, int],
         panels: int,
         average: str = "frame",
+        changed: Sequence[str] = (),
     ) -> None:
         self.folder, self.facts, self.average = folder, facts, average
         self.context: dict[str, Any] = {
@@ -56,9 +61,10 @@ class Results:
             "size": list(scored.size),
             "frames_by_split": dict(frames),
             "shared_with_training": {row.video: row.worst for row in scored.shared},
+            "changed_between_starts": list(changed),
         }
         self.table = PerFrameTable(folder / "per_frame.csv", self.facts, describe)
-        self.panels = ImagePanels(folder / "panels", panels)
+        self.panels = ImagePanels(folder, kind, panels)
         self.callbacks: list[Callback] = [self.table, self.panels]
 
     def write(
@@ -67,9 +73,12 @@ class Results:
         checkpoint: Path,
         best: Mapping[str, float],
         loggers: Sequence[Logger] = (),
-        cost: Mapping[str, Any] | None = None,
     ) -> dict[str, Any]:
-        """Write summary.json, log to Weights & Biases, print the table with the paths; the summary."""
+        """Write summary.json and the last row of the loggers' tables; the summary.
+
+        Raises:
+            UserError: no frame has a pixel of valid depth under the protocol.
+        """
         facts = {
             **self.facts,
             **self.context,
@@ -77,26 +86,29 @@ class Results:
             "best": dict(best),
             "baseline": means(self.table.baseline, self.average),
             "parameters": sum(p.numel() for p in task.get_submodule("network").parameters()),
-            "cost": None if cost is None else dict(cost),
+            "cost": None,
             **provenance(),
         }
         summary = summarise(self.table.rows, facts, self.average)
         for logger in loggers:
-            scores = {f"test/{name}": value for name, value in summary["metrics"].items()}
-            logger.log_metrics({**scores, "epoch": best["epoch"]})
-            logger.save()
-            if isinstance(logger, WandbLogger) and self.panels.paths:
-                logger.log_image("panels", [str(path) for path in self.panels.paths])
-        write_json(self.folder / "summary.json", summary)
-        print_summary(summary)
-        write_run_page(self.folder)
-        self._print_paths(checkpoint)
+            self.log(logger, summary)
+        write_json(self.folder / SUMMARY, summary)
         return summary
 
-    def _print_paths(self, checkpoint: Path) -> None:
+    def log(self, logger: Logger, summary: Mapping[str, Any]) -> None:
+        """Hand the scores to a logger."""
+        scores = {f"test/{name}": value for name, value in summary["metrics"].items()}
+        best = summary["best"]
+        logger.log_metrics({**scores, **({"epoch": best["epoch"]} if "epoch" in best else {})})
+        logger.save()
+        if isinstance(logger, WandbLogger) and self.panels.paths:
+            logger.log_image("panels", [str(path) for path in self.panels.paths])
+
+    def show(self, summary: Mapping[str, Any], checkpoint: Path) -> None:
+        """Print the table, and the paths."""
+        print_summary(summary)
         wrote = [
-            self.folder / name
-            for name in (PAGE, "summary.json", "per_frame.csv", "metrics.csv", "config.yaml")
+            self.folder / name for name in (PAGE, SUMMARY, "per_frame.csv", "metrics.csv", "config.yaml")
         ]
         lines = [str(path) for path in (*wrote, self.folder / "panels", checkpoint) if path.exists()]
         print("wrote", *lines, sep="\n  ", flush=True)

@@ -1,32 +1,40 @@
 """The folder of a run: what lies there already, and what may be replaced."""
 
-import hashlib
-import json
-import shutil
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from col3d.app.checkpoints import DamagedError, check_bytes, read_checkpoint
+from col3d.app.checkpoints import DamagedError, read_checkpoint, run_of
 from col3d.app.config import TrainOptions
+from col3d.app.identity import differing, hash_of
 from col3d.app.metrics_file import ROWS
+from col3d.app.starts import STARTS, Start, Starts
 from col3d.callbacks import BestCheckpoint
 from col3d.checks import UserError
-from col3d.reports.jobs import RESULT, STATUS, read_plain
+from col3d.owned import Owned
+from col3d.reports.jobs import RESULT, STATUS, TRAINING, read_plain
+from col3d.reports.predictions import INDEX, owned_predictions
+from col3d.reports.run_page import PAGE
 from col3d.reports.summary import write_json
+from col3d.whole import write_whole
 
 CONFIG = "config.yaml"
 CHECKPOINTS = "checkpoints"
-OURS = (RESULT, STATUS, "summary.json", "per_frame.csv", "metrics.csv", "bad_batch.pt", "wandb_id.txt")
-UNRELATED = {"overwrite", "output_dir", "logger", "objective"}
-"""Groups and options that change nothing in the weights and numbers of a run."""
-UNRELATED_INSIDE = {("data", "workers"), ("data", "store"), ("callbacks", "checkpoint_minutes")}
+PREDICTIONS = "predictions_test"
+KIND, OPTION = TRAINING, "hydra.run.dir"
+BEST, LAST = f"{CHECKPOINTS}/best.ckpt", f"{CHECKPOINTS}/last.ckpt"
+FILES = (
+    *(RESULT, STATUS, CONFIG, STARTS, "summary.json", "per_frame.csv", "metrics.csv", "bad_batch.pt"),
+    *("wandb_id.txt", PAGE, BEST, LAST),
+)
+DECORATIONS = ("cost", "panels", PAGE)
+"""What is made after the result, and can be made again."""
 
 
 class RunFolder:
-    """A folder that holds nothing yet, the finished run of these options, or one that was cut off.
+    """A folder that holds nothing of a run, the finished run of these options, or one that was cut off.
 
     Args:
         options: of the run that is asked for.
@@ -35,10 +43,11 @@ class RunFolder:
         finished: what result.json says of the finished run of these options.
         cut_off: the checkpoint to go on from.
         rows: of metrics.csv, of the epochs that it has behind it.
+        starts: of the run.
 
     Raises:
         UserError: the folder holds something else: the run of other options, while overwrite is not set, or
-            files that are no run's.
+            files that this program did not write.
     """
 
     def __init__(self, options: TrainOptions) -> None:
@@ -46,50 +55,104 @@ class RunFolder:
         self.finished: dict[str, Any] = {}
         self.cut_off: Path | None = None
         self.rows: list[dict[str, Any]] = []
-        if (self.path / CHECKPOINTS).exists() and not (self.path / CONFIG).is_file():
-            raise UserError(f"{self.path} holds {CHECKPOINTS} of something else; give another hydra.run.dir")
-        if not options.overwrite:
+        self.starts = Starts(self.path)
+        self.owned = Owned(self.path, KIND, OPTION)
+        if not self.starts.replacing:
             self._look()
+        if not self.finished and self.cut_off is None:
+            self._check_place()
+        if options.callbacks.predictions:
+            owned_predictions(self.path / PREDICTIONS).check_place()
 
-    def begin(self) -> None:
+    def begin(self, start: Start) -> None:
         """Clear away what is to be replaced and write config.yaml; a run that was cut off keeps its files."""
-        self.path.mkdir(parents=True, exist_ok=True)
+        self.owned.adopt(*FILES)
         if self.cut_off is None:
-            for name in OURS:
-                (self.path / name).unlink(missing_ok=True)
-            for name in (CHECKPOINTS, "panels", "predictions_test"):
-                shutil.rmtree(self.path / name, ignore_errors=True)
+            self.starts.begin_anew()
+            self.owned.remove(keep={STARTS})
+            owned_predictions(self.path / PREDICTIONS).remove()
+            self.owned.adopt(*FILES)
         else:
             print(f"goes on from {self.cut_off}", flush=True)
-        partial = self.path / f"{CONFIG}.partial"
-        partial.write_text(
-            yaml.safe_dump(self.options.model_dump(mode="json"), sort_keys=False), encoding="utf-8"
-        )
-        partial.replace(self.path / CONFIG)
+            say_changes(self.starts.changes(start), "the last start")
+        content = yaml.safe_dump(self.options.model_dump(mode="json"), sort_keys=False)
+        write_whole(self.path / CONFIG, content)
+        self.starts.add(start)
 
     def finish(self, best: dict[str, float], metrics: dict[str, float], seconds: float) -> None:
         """Write result.json, by which the run is known to be finished."""
-        content = {"hash": hash_of(self.options), "best": best, "metrics": metrics, "seconds": seconds}
-        write_json(self.path / RESULT, content)
+        self.finished = {
+            "hash": hash_of(self.options),
+            "run": self.starts.run,
+            "best": best,
+            "metrics": metrics,
+            "seconds": seconds,
+        }
+        self.decorated(DECORATIONS)
+
+    def decorated(self, undone: tuple[str, ...] | list[str]) -> None:
+        """Note which decorations are still to be made."""
+        panels = self.options.callbacks.panels
+        self.finished |= {"panels": panels, "undone": list(undone)}
+        write_json(self.path / RESULT, self.finished)
+
+    @property
+    def undone(self) -> list[str]:
+        """Decorations that the finished run lacks, and that are asked for now."""
+        lacking = {str(name) for name in self.finished.get("undone") or ()}
+        if self.finished.get("panels", self.options.callbacks.panels) < self.options.callbacks.panels:
+            lacking |= {"panels", PAGE}
+        found = [name for name in DECORATIONS if name in lacking]
+        if self.options.callbacks.predictions and not (self.path / PREDICTIONS / INDEX).is_file():
+            found.append(PREDICTIONS)
+        return found
+
+    def check_best(self, content: dict[str, Any]) -> None:
+        """Refuse a best checkpoint that another run left in this one's folder.
+
+        Raises:
+            UserError: names the file.
+        """
+        found, changed = run_of(content), self._changes(content)
+        if found != self.starts.run if found is not None else changed:
+            why = f"with another {', '.join(changed)}" if changed else "of the same options"
+            raise UserError(
+                f"{self.path / BEST} is of another run, {why}; put this run's own back, or move it away: "
+                "training then starts anew"
+            )
 
     def _look(self) -> None:
         result = read_plain(self.path / RESULT)
-        if result.get("hash") == hash_of(self.options):
+        if _is_result(result) and result["hash"] == hash_of(self.options) and not self.options.overwrite:
             self.finished = result
             return
         checkpoint, content = (None, {}) if result else self._last_checkpoint()
-        if (result or checkpoint) and (changed := self._changes(content)):
+        before = self._before(content)
+        changed = differing(before, self.options.model_dump(mode="json")) if result or checkpoint else []
+        if self.options.overwrite:
+            if _is_result(result) or "about" in content:
+                self.owned.adopt(*(name for name in FILES if (self.path / name).exists()))
+            if checkpoint is None or changed or before.get("overwrite") is not True:
+                return  # what was begun by overwrite=true is replaced once, and goes on from then on
+        elif changed:
             raise UserError(
                 f"{self.path} holds a run with another {', '.join(changed)}; "
                 "give overwrite=true to replace it, or another hydra.run.dir"
             )
         if checkpoint is not None:
             self.cut_off, self.rows = checkpoint, content[ROWS]
+            self.starts.run = run_of(content) or self.starts.run
+
+    def _check_place(self) -> None:
+        """Refuse what would be replaced and is not this program's."""
+        self.owned.check(FILES)
+        if (self.path / CHECKPOINTS).exists() and not self.owned.names:
+            raise UserError(f"{self.path} holds {CHECKPOINTS} of something else; give another hydra.run.dir")
 
     def _last_checkpoint(self) -> tuple[Path | None, dict[str, Any]]:
         """The newest checkpoint that is whole, if the best that it speaks of is, too."""
-        for name in ("last.ckpt", "best.ckpt"):
-            path = self.path / CHECKPOINTS / name
+        for name in (LAST, BEST):
+            path = self.path / name
             if not path.is_file():
                 continue
             try:
@@ -97,7 +160,7 @@ class RunFolder:
             except DamagedError as error:
                 print(f"note: damaged, and left aside: {error}", flush=True)
                 continue
-            if name == "best.ckpt" or self._has_best(content):
+            if name == BEST or self._has_best(content):
                 return path, content
             print("note: the best epoch's weights are lost; training starts anew to find them", flush=True)
             break
@@ -109,35 +172,34 @@ class RunFolder:
         if not known or known[0]["best_model_score"] is None:
             return True
         try:
-            check_bytes(self.path / CHECKPOINTS / "best.ckpt")
+            best = read_checkpoint(self.path / BEST)
         except (OSError, DamagedError):
             return False
-        return True
+        self.starts.run = run_of(content) or self.starts.run
+        if not self.options.overwrite:
+            self.check_best(best)
+        return run_of(best) in (None, self.starts.run)
 
     def _changes(self, content: dict[str, Any]) -> list[str]:
         """Options that differ from those of the run in this folder, and matter."""
-        before = content.get("hyper_parameters", {}).get("options")
+        return differing(self._before(content), self.options.model_dump(mode="json"))
+
+    def _before(self, content: dict[str, Any]) -> dict[str, Any]:
+        """Options of the run in this folder, by one of its checkpoints, or else by config.yaml."""
+        given = content.get("hyper_parameters")
+        before = given.get("options") if isinstance(given, dict) else None
         if before is None:  # config.yaml may be damaged, a checkpoint has been checked
             with suppress(OSError, ValueError, yaml.YAMLError):
                 before = yaml.safe_load((self.path / CONFIG).read_text(encoding="utf-8"))
-        return _differing(before if isinstance(before, dict) else {}, self.options.model_dump(mode="json"))
+        return before if isinstance(before, dict) else {}
 
 
-def hash_of(options: TrainOptions) -> str:
-    """Of all options that the weights and numbers of a run depend on."""
-    content = options.model_dump(mode="json", exclude=UNRELATED)
-    for group, name in UNRELATED_INSIDE:
-        content[group].pop(name)
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+def say_changes(lines: list[str], since: str) -> None:
+    """What is not as it was."""
+    for line in lines:
+        print(f"note: since {since}: {line}", flush=True)
 
 
-def _differing(before: dict[str, Any], now: dict[str, Any]) -> list[str]:
-    names = []
-    for name in sorted((before.keys() | now.keys()) - UNRELATED):
-        old, new = before.get(name), now.get(name)
-        if isinstance(old, dict) and isinstance(new, dict):
-            inner = (k for k in sorted(old.keys() | new.keys()) if old.get(k) != new.get(k))
-            names += [f"{name}.{k}" for k in inner if (name, k) not in UNRELATED_INSIDE]
-        elif old != new:
-            names.append(name)
-    return names
+def _is_result(content: dict[str, Any]) -> bool:
+    """Whether it is what a run ends in, whole."""
+    return isinstance(content.get("hash"), str) and isinstance(content.get("best"), dict)

@@ -37,7 +37,10 @@ def wandb_run(options: TrainOptions, folder: Path) -> Iterator[list[Logger]]:
         yield [_logger(options, folder)]
         code = 0
     finally:
-        wandb.finish(exit_code=code)
+        try:
+            wandb.finish(exit_code=code)
+        except Exception as error:  # whatever became of the server: the training is what it is
+            print(f"note: W&B did not end well ({type(error).__name__}: {error})", flush=True)
 
 
 def _logger(options: TrainOptions, folder: Path) -> Logger:

@@ -1,50 +1,47 @@
 """Train a network, evaluate its best checkpoint on the test split, and write everything into one folder."""
 
-import logging
 import math
 import sys
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import torch
-from lightning import Callback, Trainer, seed_everything
-from lightning.fabric.plugins.environments import SLURMEnvironment
-from lightning.pytorch.callbacks import Checkpoint, RichProgressBar
+from lightning import Callback, seed_everything
+from lightning.pytorch.callbacks import RichProgressBar
 from lightning.pytorch.loggers import Logger
 
 from col3d.app import build
-from col3d.app.checkpoints import CheckpointFiles
 from col3d.app.compiled import compile_network
-from col3d.app.config import TrainerOptions, TrainOptions
-from col3d.app.cost import measure_cost
+from col3d.app.config import TrainOptions
+from col3d.app.decorate import best_weights, decorate, kept_predictions, show_again
 from col3d.app.errors import check_options
 from col3d.app.foreseen import in_a_line
 from col3d.app.frames import data_module, settled
 from col3d.app.job import JobStatus, locked, reported
+from col3d.app.machine import check_accelerator, make_trainer, quiet
 from col3d.app.metrics_file import MetricsFile, RowsInCheckpoints
 from col3d.app.provenance import provenance
 from col3d.app.rank import end_with_first, is_first
 from col3d.app.results import Results, facts_of
-from col3d.app.run_folder import CHECKPOINTS, RunFolder
+from col3d.app.run_folder import CHECKPOINTS, KIND, RunFolder
 from col3d.app.scored import Scored
+from col3d.app.starts import this_start
 from col3d.app.tracking import wandb_run
+from col3d.app.truth_check import check_truth
 from col3d.callbacks import (
     About,
     BestCheckpoint,
     EpochLines,
     FiniteNumbers,
     LastCheckpoint,
-    SavePredictions,
     Stopped,
     StopSignals,
 )
 from col3d.checks import UserError
 from col3d.data.datamodule import FrameDataModule
-from col3d.reports.jobs import RESULT, read_plain
-from col3d.reports.summary import print_summary
 from col3d.tasks import SupervisedTask
+from col3d.whole import write_whole
 
 WATCHED = "val/abs_rel"
 
@@ -92,13 +89,11 @@ def _trained(options: TrainOptions, folder: RunFolder, stop: StopSignals) -> flo
     if not folder.finished:
         with reported(JobStatus(folder.path)) as status:
             _run(options, folder, stop, status)
-    else:
-        if summary := read_plain(folder.path / "summary.json"):
-            print_summary(summary)
-        print(f"finished before: {folder.path}; overwrite=true trains again")
+    elif is_first():
+        show_again(options, folder)
     if not is_first():
         return math.nan
-    best = read_plain(folder.path / RESULT)["best"]
+    best = folder.finished["best"]
     score = tuple(float(best[name]) for name in options.objective)
     return score[0] if len(score) == 1 else score
 
@@ -110,10 +105,11 @@ def _run(options: TrainOptions, folder: RunFolder, stop: StopSignals, status: Jo
     task = build.task(options)
     if options.trainer.compile:
         compile_network(task.network)
+    check_truth(frames.frames, options.data, options.one_protocol[1])
     scored = Scored.after(options.data, "test")
     if is_first():
         scored.print_audit()
-        folder.begin()
+        folder.begin(this_start(options))
     status.write("running")
     with wandb_run(options, folder.path) as loggers:
         table = MetricsFile(folder.path / "metrics.csv", folder.rows)
@@ -140,14 +136,17 @@ def _fit_and_test(
     results = Results(
         facts,
         folder.path,
+        KIND,
         scored,
         data.lengths(),
         options.callbacks.panels,
         protocol.average,
+        folder.starts.changes(),
     )
-    kept = _kept_predictions(options, folder.path)
+    kept = kept_predictions(options, folder.path)
     watchers = _watchers(folder.path, options.trainer.max_epochs, status)
-    about = About({**provenance(), **data.about(), "split": options.data.split.model_dump()})
+    split = options.data.split.model_dump()
+    about = About({"run": folder.starts.run, **provenance(), **data.about(), "split": split})
     trainer = make_trainer(
         options.trainer,
         [about, rows, best, last, *watchers, *results.callbacks, *kept],
@@ -158,15 +157,21 @@ def _fit_and_test(
         trainer.fit(task, datamodule=data, ckpt_path=folder.cut_off, weights_only=True)
     if best.best_model_score is None:
         raise UserError(f"{WATCHED} was never finite: nothing to evaluate; lower optimizer.lr")
-    epoch = build.load_weights(task, best.path)
+    if is_first() and not last.path.is_file():  # the best one was all that was left, and is of the last epoch
+        write_whole(last.path, best.path.read_bytes())
+    epoch = best_weights(task, folder)
     with in_a_line(_smaller(options)):
         trainer.test(task, datamodule=data, verbose=False)
-    if trainer.is_global_zero:
-        height, width = options.data.size
-        cost = measure_cost(task.network, (height, width))
+    summary = {}
+    if is_first():
         found = {**best.metrics, "epoch": epoch}
-        summary = results.write(task, best.path, found, loggers, cost)
+        tables = [logger for logger in loggers if isinstance(logger, MetricsFile)]
+        summary = results.write(task, best.path, found, tables)
         folder.finish(found, summary["metrics"], status.seconds)
+    others = [logger for logger in loggers if not isinstance(logger, MetricsFile)]
+    shown = decorate(folder, results, summary, task, others)
+    if is_first():
+        results.show(shown, best.path)
 
 
 def _smaller(options: TrainOptions) -> str:
@@ -179,63 +184,6 @@ def _smaller(options: TrainOptions) -> str:
     return f"data.size=[{height // 2},{width // 2}] takes a quarter; so does a smaller model.encoder"
 
 
-def _kept_predictions(options: TrainOptions, folder: Path) -> list[Callback]:
-    if not options.callbacks.predictions:
-        return []
-    facts = {"max_depth": options.model.max_depth, "split": "test"}
-    return [SavePredictions(folder / "predictions_test", facts)]
-
-
-def quiet() -> None:
-    """Silence what Lightning says of every run, advertisements included, and one of its own deprecations."""
-    logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)
-    logging.getLogger("lightning.fabric").setLevel(logging.WARNING)
-    warnings.filterwarnings("ignore", message=r".*isinstance\(treespec, LeafSpec\)")
-    warnings.filterwarnings("ignore", message=".*directory .* exists and is not empty")
-    warnings.filterwarnings("ignore", message=".*does not have many workers which may be a bottleneck")
-    warnings.filterwarnings("ignore", message="The `srun` command is available on your system but is not")
-
-
-def check_accelerator(name: str) -> None:
-    """Refuse an accelerator that this machine does not have.
-
-    Raises:
-        UserError: names the option.
-    """
-    if name in ("gpu", "cuda") and not torch.cuda.is_available():
-        raise UserError(f"trainer.accelerator: this machine has no {name}; take auto or cpu")
-
-
-def make_trainer(
-    given: TrainerOptions, callbacks: list[Callback], loggers: list[Logger], adversarial: bool = False
-) -> Trainer:
-    """Lightning's Trainer; samplers are ours, so that evaluation counts each frame once under DDP."""
-    # Each of two networks that learn in turn leaves the other's gradients out.
-    parts_unused = adversarial and (given.strategy == "ddp" or given.devices != 1)
-    strategy = "ddp_find_unused_parameters_true" if parts_unused else given.strategy
-    on_cpu = given.accelerator == "cpu" or not torch.cuda.is_available()  # metrics are float64: no MPS
-    return Trainer(
-        max_epochs=given.max_epochs,
-        accelerator="cpu" if on_cpu else "cuda",
-        devices=given.devices,
-        strategy=strategy,
-        precision=given.precision,
-        gradient_clip_val=None if adversarial else given.gradient_clip,  # that task clips by itself
-        accumulate_grad_batches=given.accumulate,
-        deterministic=given.deterministic,
-        limit_train_batches=given.limit_train_batches,
-        callbacks=callbacks,
-        logger=loggers or False,
-        plugins=_plugins(),
-        use_distributed_sampler=False,
-        log_every_n_steps=1,
-        num_sanity_val_steps=0,
-        enable_model_summary=False,
-        enable_progress_bar=sys.stdout.isatty(),
-        enable_checkpointing=any(isinstance(callback, Checkpoint) for callback in callbacks),
-    )
-
-
 def _watchers(folder: Path, epochs: int, status: JobStatus) -> list[Callback]:
     bar: list[Callback] = [RichProgressBar()] if sys.stdout.isatty() else []
 
@@ -243,9 +191,3 @@ def _watchers(folder: Path, epochs: int, status: JobStatus) -> list[Callback]:
         status.write("running", epoch=epoch, epochs=epochs)
 
     return [FiniteNumbers(folder), EpochLines(epoch_done), *bar]
-
-
-def _plugins() -> list[Any]:
-    """Checkpoints that are whole or not there; on a cluster, no requeueing by Lightning."""
-    cluster = [SLURMEnvironment(auto_requeue=False)] if SLURMEnvironment.detect() else []
-    return [CheckpointFiles(), *cluster]

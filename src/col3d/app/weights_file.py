@@ -1,12 +1,12 @@
 """A checkpoint that holds a network alone, in half precision: to predict with, not to train on."""
 
-import io
 from pathlib import Path
 from typing import Any, TypeVar
 
 import torch
 from torch import Tensor
 
+from col3d.app.checkpoints import CheckpointFiles
 from col3d.app.config import SourceOptions
 from col3d.app.learnt import Learnt, learnt, trained_task
 from col3d.app.same_outputs import phantom_frame
@@ -57,9 +57,7 @@ def write_weights(source: Path, path: Path) -> float:
         "hyper_parameters": {"options": without_places(options.model_copy(update=elsewhere).model_dump())},
         "about": kept,
     }
-    saved = io.BytesIO()  # where a disk is full, torch says something else
-    torch.save(content, saved)
-    path.write_bytes(saved.getbuffer())
+    CheckpointFiles().save_checkpoint(content, path)
     difference = _difference(learnt(source), learnt(path))
     if not difference < SAME:
         raise UserError(

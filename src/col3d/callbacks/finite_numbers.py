@@ -10,6 +10,8 @@ from lightning import Callback, LightningModule, Trainer
 from torch import Tensor
 from torch.optim import Optimizer
 
+from col3d.whole import whole_file
+
 BAD_BATCH = "bad_batch.pt"
 
 
@@ -65,6 +67,29 @@ class FiniteNumbers(Callback):
             if names:  # else the sum of squares alone was too large for float32
                 self._stop(trainer, f"the gradient of {names[0]} is not finite", {})
 
+    def on_test_batch_end(
+        self,
+        trainer: Trainer,
+        pl_module: LightningModule,
+        outputs: Any,
+        batch: Any,
+        batch_idx: int,
+        dataloader_idx: int = 0,
+    ) -> None:
+        """Refuse a prediction that is not finite.
+
+        Raises:
+            DivergedError: names the frame.
+        """
+        for name, values in outputs["prediction"].items():
+            broken = ~values.isfinite().flatten(1).all(dim=1)
+            if broken.any():
+                first = int(broken.nonzero()[0])
+                raise DivergedError(
+                    f"{name} of {batch['video'][first]}:{int(batch['frame'][first])} is not finite in the "
+                    "test; lower optimizer.lr, or set trainer.gradient_clip"
+                )
+
     def _stop(self, trainer: Trainer, reason: str, terms: Mapping[str, float]) -> None:
         step = trainer.fit_loop.total_batch_idx
         pairs = zip(self.batch["video"], self.batch["frame"].tolist(), strict=True)
@@ -81,9 +106,8 @@ class FiniteNumbers(Callback):
     def _keep(self, path: Path, trainer: Trainer, step: int, reason: str, terms: Mapping[str, float]) -> None:
         batch = {k: v.detach().cpu() if isinstance(v, Tensor) else list(v) for k, v in self.batch.items()}
         facts = {"epoch": trainer.current_epoch, "step": step, "reason": reason, "terms": dict(terms)}
-        partial = path.with_suffix(f".partial-{trainer.global_rank}")
-        torch.save({**facts, "batch": batch}, partial)
-        partial.replace(path)
+        with whole_file(path, f"-{trainer.global_rank}") as file:
+            torch.save({**facts, "batch": batch}, file)
 
 
 def _finite(values: Tensor) -> bool:

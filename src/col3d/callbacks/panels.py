@@ -10,20 +10,25 @@ from torch import Tensor
 
 from col3d.batch import Batch, Prediction
 from col3d.geometry import angle_between, points_from_depth
+from col3d.owned import Owned
 from col3d.reports.panel import save_panel
 from col3d.reports.scenes import save_frame
 
 
 class ImagePanels(Callback):
-    """Saves panels and points of frames spread evenly over the test set.
+    """Keeps frames spread evenly over the test set, and draws them and their points when it is asked to.
 
     Args:
-        folder: where they go.
+        folder: of the run or evaluation; they go into `panels` in it.
+        kind: of what is written there; see `Owned`.
         count: how many.
+
+    Attributes:
+        paths: of the pictures that are drawn.
     """
 
-    def __init__(self, folder: Path, count: int) -> None:
-        self.folder, self.count = folder, count
+    def __init__(self, folder: Path, kind: str, count: int) -> None:
+        self.folder, self.kind, self.count = folder, kind, count
         self.paths: list[Path] = []
 
     def on_test_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
@@ -33,10 +38,9 @@ class ImagePanels(Callback):
 
     def choose(self, frames: int, rank: int = 0, world_size: int = 1) -> None:
         """Choose frames of so many; this process sees every `world_size`-th, from `rank` on."""
-        self.paths, self.seen = [], 0
+        self.paths, self.seen, self.kept = [], 0, list[_Kept]()
         self.rank, self.world_size = rank, world_size
         self.chosen = set(np.linspace(0, frames - 1, min(self.count, frames)).round().astype(int).tolist())
-        self.folder.mkdir(parents=True, exist_ok=True)
 
     def on_test_batch_end(
         self,
@@ -47,23 +51,58 @@ class ImagePanels(Callback):
         batch_idx: int,
         dataloader_idx: int = 0,
     ) -> None:
-        """Draw the chosen frames of a batch; each process draws its own."""
-        self.draw(batch, outputs["prediction"], outputs["values"])
+        """Keep the chosen frames of a batch; each process keeps its own."""
+        self.keep(batch, outputs["prediction"], outputs["values"])
 
-    def draw(self, batch: Batch, prediction: Prediction, values: Mapping[str, Tensor]) -> None:
-        """Draw the chosen frames of a batch, which follows those drawn before."""
-        for i, video in enumerate(batch["video"]):
+    def keep(self, batch: Batch, prediction: Prediction, values: Mapping[str, Tensor]) -> None:
+        """Keep the chosen frames of a batch, which follows those seen before."""
+        for i in range(len(batch["video"])):
             if (self.seen + i) * self.world_size + self.rank in self.chosen:
-                number = int(batch["frame"][i])
-                path = self.folder / f"{video}_{number:04d}.png"
-                errors = {name: of_frames[i].item() for name, of_frames in values.items()}
-                title = f"{video}, frame {number}: abs_rel {errors['abs_rel']:.3f}"
-                if "angle_mean" in errors:
-                    title += f", mean angle {errors['angle_mean']:.1f} degrees"
-                save_panel(path, _maps(batch, prediction, i), title)
-                _save_points(path.with_suffix(".npz"), batch, prediction, i)
-                self.paths.append(path)
+                self.kept.append(tuple(_one(given, i) for given in (batch, prediction, values)))
         self.seen += len(batch["video"])
+
+    def clear(self) -> None:
+        """Remove the pictures of before."""
+        Owned(self.folder, self.kind, "panels").remove(below="panels/")
+
+    def draw(self) -> None:
+        """Draw what is kept.
+
+        Raises:
+            UserError: a file of others has the name of a picture.
+        """
+        owned = Owned(self.folder, self.kind, "panels")
+        for batch, prediction, values in self.kept:
+            name = f"panels/{batch['video'][0]}_{int(batch['frame'][0]):04d}"
+            owned.claim(f"{name}.png", f"{name}.npz")
+            path = self.folder / f"{name}.png"
+            path.parent.mkdir(exist_ok=True)
+            save_panel(path, _maps(batch, prediction, 0), _title(batch, values))
+            if batch["mask"].any():
+                _save_points(path.with_suffix(".npz"), batch, prediction, 0)
+            self.paths.append(path)
+
+
+_Kept = tuple[Any, ...]
+"""Batch, prediction and metrics of one frame."""
+
+
+def _one(given: Mapping[str, Any], index: int) -> dict[str, Any]:
+    """A frame of a batch as a batch of one, in the memory of the CPU."""
+    own = {key: values[index : index + 1] for key, values in given.items()}
+    return {
+        key: values.detach().cpu() if isinstance(values, Tensor) else values for key, values in own.items()
+    }
+
+
+def _title(batch: Batch, values: Mapping[str, Tensor]) -> str:
+    where = f"{batch['video'][0]}, frame {int(batch['frame'][0])}"
+    if not batch["mask"].any():
+        return f"{where}: no valid depth"
+    title = f"{where}: abs_rel {values['abs_rel'].item():.3f}"
+    if "angle_mean" in values:
+        title += f", mean angle {values['angle_mean'].item():.1f} degrees"
+    return title
 
 
 def _save_points(path: Path, batch: Batch, prediction: Prediction, index: int) -> None:

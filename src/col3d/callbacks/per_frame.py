@@ -53,7 +53,8 @@ class PerFrameTable(Callback):
             {name: of_frames.tolist() for name, of_frames in of_batch.items()}
             for of_batch in (scored, scored_baseline)
         )
-        valid = batch["mask"].flatten(1).any(dim=1).tolist()
+        counted = scored.get("pixels", batch["mask"].flatten(1).sum(dim=1))
+        valid = (counted > 0).tolist()
         for i, (video, frame) in enumerate(zip(batch["video"], batch["frame"].tolist(), strict=True)):
             segment, texture = self.describe(video)
             where = {**self.facts, "video": video, "segment": segment, "texture": texture, "frame": frame}

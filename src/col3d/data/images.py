@@ -49,12 +49,14 @@ class ImageSource(ABC):
         is_video: whether each image follows on the one before in time.
         fps: frames a second; None where nobody says.
         count: how many there are, as far as is known before they are read.
+        paths: of the files that are read.
     """
 
     name: str
     is_video: bool
     fps: float | None = None
     count: int
+    paths: tuple[Path, ...]
 
     @abstractmethod
     def __iter__(self) -> Iterator[Shot]:
@@ -72,6 +74,7 @@ class ImageFiles(ImageSource):
 
     def __init__(self, name: str, files: dict[int, Path], is_video: bool) -> None:
         self.name, self.files, self.is_video, self.count = name, files, is_video, len(files)
+        self.paths = tuple(files.values())
         self.names = [f"{number:04d}" for number in files] if is_video else _names(list(files.values()))
 
     def __iter__(self) -> Iterator[Shot]:
@@ -92,7 +95,7 @@ class VideoFile(ImageSource):
     is_video = True
 
     def __init__(self, path: Path) -> None:
-        self.path, self.name = path, path.stem
+        self.path, self.name, self.paths = path, path.stem, (path,)
         capture = open_video(path)
         if not capture.isOpened():
             raise DataError(f"{path}: cannot be opened as a video")

@@ -152,9 +152,9 @@ def whole_folder(folder: Path) -> Iterator[Path]:
 
 def remove_stale(root: Path) -> None:
     """Delete what interrupted processes left behind; folders of running ones stay."""
-    for folder in root.glob(f"{PARTIAL}*"):
+    for folder in root.glob(f"{PARTIAL}*-*"):
         process = folder.name.rpartition("-")[2]
-        if not (process.isdigit() and _is_running(int(process))):
+        if process.isdigit() and not _is_running(int(process)):  # others give such names to no process
             shutil.rmtree(folder, ignore_errors=True)
 
 

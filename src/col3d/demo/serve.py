@@ -13,7 +13,7 @@ from typing import Any
 from col3d.app.config import AppOptions
 from col3d.app.errors import check_options
 from col3d.app.learnt import learnt
-from col3d.app.train import quiet
+from col3d.app.machine import quiet
 from col3d.checks import UserError
 from col3d.demo.checkpoint import newest_checkpoint
 

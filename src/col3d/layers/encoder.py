@@ -9,6 +9,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from col3d.checks import nearest_name
+from col3d.layers.weight_file import check_archive, check_finite
 
 SCALES = (2, 4, 8, 16, 32)
 PROBE_HW = (64, 96)
@@ -150,6 +151,10 @@ def read_encoder_weights(path: Path) -> Mapping[str, Tensor]:
             f"model.pretrained: must be none, imagenet or a weight file; there is no file {str(path)!r}"
         )
     try:
+        check_archive(path)
+    except ValueError as error:
+        raise ValueError(f"model.pretrained: {error}") from None
+    try:
         return load_state_dict(str(path), weights_only=True)
     except Exception as error:
         raise ValueError(
@@ -174,4 +179,8 @@ def fill_encoder(
         raise ValueError(
             f"model.pretrained: {source} does not fit in {len(misfits)} weights, such as {misfits[0]!r}"
         )
+    try:
+        check_finite(chosen)
+    except ValueError as error:
+        raise ValueError(f"model.pretrained: {source}: {error}") from None
     net.load_state_dict(chosen, strict=False)

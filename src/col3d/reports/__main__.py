@@ -5,8 +5,9 @@ import sys
 from pathlib import Path
 
 from col3d.checks import UserError
+from col3d.owned import Owned
 from col3d.reports.experiments import experiments_of
-from col3d.reports.page import Picture, write_report
+from col3d.reports.page import Picture, names_of, write_report
 from col3d.reports.runs import Found, read_runs
 
 EXIT_CODE = 2
@@ -28,7 +29,7 @@ def report(runs: Path, out: Path, protocol: str | None, truth: Path | None) -> l
     """Read runs and write their report.
 
     Raises:
-        UserError: there is nothing to report.
+        UserError: there is nothing to report, or OUT holds files of others under the names of a report's.
     """
     if not runs.is_dir():
         raise UserError(f"RUNS: {runs} is no folder")
@@ -42,10 +43,14 @@ def report(runs: Path, out: Path, protocol: str | None, truth: Path | None) -> l
             f"RUNS: no finished run in {runs}: a run has config.yaml, summary.json, per_frame.csv"
         )
     found = _of_protocol(found, protocol)
-    out.mkdir(parents=True, exist_ok=True)
     experiments = experiments_of(found)
+    owned = Owned(out, "report", "OUT")
+    names = names_of(experiments)
+    owned.claim(*names, *_names_of_pictures())
     pictures, not_drawn = _pictures(found, out / "figures", truth or _beside(runs))
-    return write_report(out, found, experiments, pictures, not_drawn, str(runs))
+    written = write_report(out, found, experiments, pictures, not_drawn, str(runs))
+    owned.remove(keep={path.relative_to(out).as_posix() for path in written})
+    return written
 
 
 def _beside(runs: Path) -> Path | None:
@@ -75,6 +80,12 @@ def _pictures(found: Found, folder: Path, truth: Path | None) -> tuple[list[Pict
 
     drawn = draw(found, folder, truth)
     return [Picture(figure.title, figure.caption, figure.path) for figure in drawn.figures], drawn.left_out
+
+
+def _names_of_pictures() -> list[str]:
+    from col3d.reports.figures import DRAW
+
+    return [f"figures/{name}.png" for name in DRAW]
 
 
 def _parser() -> argparse.ArgumentParser:

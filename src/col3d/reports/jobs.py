@@ -8,10 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from col3d.owned import Owned
 from col3d.reports.shapes import read_object
 from col3d.reports.summary import write_json
 
 STATUS, RESULT, LOCK, PLAN = "status.json", "result.json", ".lock", "sweep.json"
+TRAINING = "training"
+"""What its folder is said to own its files as; see `col3d.owned`."""
 STATES = ("done", "running", "preempted", "cut off", "failed", "missing")
 """`cut off`: neither running nor ended, as after a power cut."""
 
@@ -67,12 +70,19 @@ def is_locked(folder: Path) -> bool:
 
 
 def add_to_plan(sweep: Path, jobs: Mapping[str, Sequence[str]], command: str) -> None:
-    """Note the jobs of a sweep: their folders and overrides; those of other commands stay."""
+    """Note the jobs of a sweep: their folders and overrides; those of other commands stay.
+
+    Raises:
+        UserError: the folder has a file of others under the name of the plan.
+    """
     sweep.mkdir(parents=True, exist_ok=True)
-    with (sweep / LOCK).open("w") as lock:
+    with (sweep / LOCK).open("a") as lock:
         with suppress(OSError):  # a file system without locks
             fcntl.lockf(lock, fcntl.LOCK_EX)
-        plan = read_plain(sweep / PLAN)
+        plan, owned = read_plain(sweep / PLAN), Owned(sweep, "sweep", "hydra.sweep.dir")
+        if "jobs" in plan:
+            owned.adopt(PLAN)
+        owned.claim(PLAN)
         known = {**plan.get("jobs", {}), **{name: list(job) for name, job in jobs.items()}}
         commands = [*plan.get("commands", []), command]
         write_json(sweep / PLAN, {"commands": list(dict.fromkeys(commands)), "jobs": known})

@@ -18,8 +18,12 @@ from col3d.reports.experiments import Experiment
 from col3d.reports.places import command_without_places, last_name, without_places
 from col3d.reports.runs import Found, Run
 from col3d.reports.tables import Table, marks
+from col3d.whole import write_whole
 
 NOT_RECORDED = "not recorded"
+PAGES = ("report.html", "report.md")
+FORMATS = {"md": render.markdown, "tex": render.latex, "csv": render.comma_separated}
+"""Of tables, by the ending."""
 BY_PART = ("benchmark", "ablation")
 """Experiments that are also shown by segment and by video."""
 
@@ -81,10 +85,10 @@ def write_report(
         "out": out,
     }
     written = _write_tables(out / "tables", tables)
-    for name in ("report.html", "report.md"):
+    for name in PAGES:
         text = environment(name).get_template(f"{name}.j2").render(facts)
-        (out / name).write_text(text, encoding="utf-8")
-    return [out / "report.html", out / "report.md", *written, *(picture.path for picture in pictures)]
+        write_whole(out / name, text)
+    return [*(out / name for name in PAGES), *written, *(picture.path for picture in pictures)]
 
 
 def _not_in_tables(experiments: Sequence[Experiment]) -> list[str]:
@@ -92,18 +96,20 @@ def _not_in_tables(experiments: Sequence[Experiment]) -> list[str]:
 
 
 def _write_tables(folder: Path, tables: Sequence[Table]) -> list[Path]:
-    """Each table as Markdown, LaTeX and CSV; those of an earlier report are removed."""
+    """Each table as Markdown, LaTeX and CSV."""
     folder.mkdir(parents=True, exist_ok=True)
-    formats = {"md": render.markdown, "tex": render.latex, "csv": render.comma_separated}
-    for ending in formats:
-        for old in folder.glob(f"*.{ending}"):
-            old.unlink()
     written = []
     for table in tables:
-        for ending, write in formats.items():
+        for ending, write in FORMATS.items():
             written.append(folder / f"{table.name}.{ending}")
-            written[-1].write_text(write(table), encoding="utf-8")
+            write_whole(written[-1], write(table))
     return written
+
+
+def names_of(experiments: Sequence[Experiment]) -> list[str]:
+    """What `write_report` writes into its folder, beside the pictures."""
+    tables = [f"tables/{table.name}.{ending}" for table in tables_of(experiments) for ending in FORMATS]
+    return [*PAGES, *tables]
 
 
 def environment(name: str) -> Environment:

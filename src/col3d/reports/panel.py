@@ -5,6 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
+from col3d.whole import whole_file
+
 Maps = Mapping[str, np.ndarray]
 """image (h, w, 3) in [0, 1]; depth, depth_pred (h, w) in mm; mask (h, w); normals, normals_pred (h, w, 3)."""
 DEPTH_COLOURS, ERROR_COLOURS = "viridis", "magma"
@@ -27,7 +29,8 @@ def save_panel(path: Path, maps: Maps, title: str) -> None:
     _depth_row(figure, axes[0], maps)
     if rows == 2:
         _normal_row(figure, axes[1], maps)
-    figure.savefig(path, dpi=80)
+    with whole_file(path) as file:
+        figure.savefig(file, dpi=80, format="png")
 
 
 def _depth_row(figure, axes, maps: Maps) -> None:  # type: ignore[no-untyped-def]

@@ -1,8 +1,11 @@
 """`per_frame.csv`: one row for each evaluated frame, the source of every table."""
 
 import csv
+import io
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+
+from col3d.whole import write_whole
 
 DEPTH_METRICS = ("abs_rel", "sq_rel", "log10", "rmse", "rmse_log", "silog", "delta1", "delta2", "delta3")
 NORMAL_METRICS = ("angle_mean", "angle_median", "within_11_25", "within_22_5", "within_30")
@@ -22,12 +25,11 @@ Row = Mapping[str, str | int | float]
 
 def write_per_frame(path: Path, rows: Iterable[Row]) -> None:
     """Write the table in one step; metrics that a model does not have stay empty."""
-    partial = path.with_suffix(".partial")
-    with partial.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, COLUMNS, restval="")
-        writer.writeheader()
-        writer.writerows(rows)
-    partial.replace(path)
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, COLUMNS, restval="")
+    writer.writeheader()
+    writer.writerows(rows)
+    write_whole(path, text.getvalue())
 
 
 def read_per_frame(path: Path) -> list[dict[str, str]]:

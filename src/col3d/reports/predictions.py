@@ -17,6 +17,10 @@ from typing import Any
 
 import numpy as np
 
+from col3d.checks import UserError
+from col3d.owned import Owned
+from col3d.whole import write_whole
+
 DEPTH_STEPS, NORMAL_STEPS = 65535, 32767
 INDEX = "index.json"
 
@@ -25,7 +29,7 @@ class PredictionWriter:
     """Writes the predictions of frames in the order of their videos.
 
     Args:
-        folder: where the files go; what an earlier, unfinished writing left there is replaced.
+        folder: where the files go; what an earlier writing left there is replaced, and nothing else.
         facts: what `index.json` says of them: `max_depth` in mm among others.
     """
 
@@ -33,8 +37,10 @@ class PredictionWriter:
         self.folder, self.facts = folder, dict(facts)
         self.video: str | None = None
         self.archive: zipfile.ZipFile | None = None
+        self.owned = owned_predictions(folder)
+        self.owned.check_place()
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / INDEX).unlink(missing_ok=True)
+        self.owned.remove()
 
     def add(
         self,
@@ -47,12 +53,22 @@ class PredictionWriter:
     ) -> None:
         """Append a frame: depth (h, w) in mm, normals (h, w, 3) of unit length, image (h, w, 3) in [0, 1].
 
+        Raises:
+            UserError: a number is not finite, or a file of others is in the way.
+
         With the truth, `occlusion` (h, w) is True where another surface lies behind the seen one.
         """
+        for what, values in (("depth", depth), ("normals", normals)):
+            if values is not None and not np.isfinite(values).all():
+                raise UserError(
+                    f"{what} of {video}, frame {frame}, is not finite: the network's weights are damaged, or "
+                    "of a training that diverged"
+                )
         if video != self.video:
             self._close()
             self.video = video
-            partial = self.folder / f"{video}.partial"
+            self.owned.claim(f"{video}.npz")
+            partial = self.folder / f"{video}.npz.partial"
             self.archive = zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED, compresslevel=1)
         codes = np.round(depth.clip(0, self.facts["max_depth"]) / self.facts["max_depth"] * DEPTH_STEPS)
         self._put(f"{frame}_depth", codes.astype(np.uint16))
@@ -66,7 +82,8 @@ class PredictionWriter:
     def finish(self) -> None:
         """Close the last video and say in `index.json` that all is there."""
         self._close()
-        (self.folder / INDEX).write_text(json.dumps(self.facts, indent=2) + "\n", encoding="utf-8")
+        self.owned.claim(INDEX)
+        write_whole(self.folder / INDEX, json.dumps(self.facts, indent=2) + "\n")
 
     def _put(self, name: str, values: np.ndarray) -> None:
         assert self.archive is not None
@@ -76,8 +93,17 @@ class PredictionWriter:
     def _close(self) -> None:
         if self.archive is not None:
             self.archive.close()
-            (self.folder / f"{self.video}.partial").replace(self.folder / f"{self.video}.npz")
+            (self.folder / f"{self.video}.npz.partial").replace(self.folder / f"{self.video}.npz")
             self.archive = None
+
+
+def owned_predictions(folder: Path) -> Owned:
+    """Which files of a folder are predictions that this program wrote; older ones have no list."""
+    owned = Owned(folder, "predictions", "predictions")
+    if not owned.names and {"max_depth", "split"} <= (read_facts(folder) or {}).keys():
+        videos = dict.fromkeys(video for video, _ in StoredPredictions(folder).frames())
+        owned.adopt(INDEX, *(f"{video}.npz" for video in videos))
+    return owned
 
 
 class StoredPredictions:

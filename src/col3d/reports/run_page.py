@@ -14,9 +14,11 @@ import yaml
 from markupsafe import Markup
 
 from col3d.checks import UserError
+from col3d.owned import Owned
 from col3d.reports.figures.material import Method
 from col3d.reports.figures.style import VERMILLION, Style
 from col3d.reports.figures.training_curves import curves, draw_methods
+from col3d.reports.jobs import TRAINING
 from col3d.reports.page import data_uri, environment
 from col3d.reports.per_frame import DEPTH_METRICS, NORMAL_METRICS
 from col3d.reports.places import command_without_places, without_places
@@ -24,6 +26,7 @@ from col3d.reports.runs import Run
 from col3d.reports.scenes import Scene, read_frame
 from col3d.reports.shapes import read_object
 from col3d.reports.summary import HEADINGS, rows_of
+from col3d.whole import write_whole
 
 PAGE = "run.html"
 
@@ -65,15 +68,15 @@ def write_run_page(folder: Path) -> Path:
 def write_page(path: Path, template: str, facts: dict[str, Any]) -> Path:
     """Fill a template, and write the page in one step."""
     text = environment(template).get_template(f"{template}.j2").render(facts)
-    partial = path.with_suffix(".partial")
-    partial.write_text(text, encoding="utf-8")
-    return partial.replace(path)
+    write_whole(path, text)
+    return path
 
 
 def as_script(scenes: Sequence[Scene]) -> Markup | None:
-    """Scenes as a value inside a script; None of none."""
-    text = json.dumps([scene.plain() for scene in scenes]).replace("<", "\\u003c")
-    return Markup(text) if scenes else None
+    """Scenes that have points as a value inside a script; None of none."""
+    shown = [scene for scene in scenes if len(scene.clouds[0].points)]
+    text = json.dumps([scene.plain() for scene in shown]).replace("<", "\\u003c")
+    return Markup(text) if shown else None
 
 
 def _read_summary(folder: Path) -> dict[str, Any]:
@@ -111,6 +114,8 @@ def _curves(run: Run) -> str | None:
 if __name__ == "__main__":
     try:
         for given in sys.argv[1:] or ["runs/default"]:
+            owned = [Owned(Path(given), kind, "FOLDER") for kind in (TRAINING, "evaluation")]
+            next((one for one in owned if PAGE in one.names), owned[0]).claim(PAGE)
             print(write_run_page(Path(given)))
     except (UserError, ValueError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from col3d.reports.previews import colours
+from col3d.whole import whole_file
 
 STEPS = 50.0
 """Steps of 1 mm in files and pages: 16 bits reach 655 mm either way."""
@@ -75,15 +76,13 @@ def save_frame(
     """Keep the true and the predicted points of the pixels of one frame, in mm, and their colours."""
     chosen = thinned(len(truth), MOST)
     as_steps = [(points[chosen] * STEPS).round().clip(-32767, 32767) for points in (truth, prediction)]
-    partial = path.with_suffix(".partial")
-    with partial.open("wb") as file:
+    with whole_file(path) as file:
         np.savez_compressed(
             file,
             truth=as_steps[0].astype(np.int16),
             prediction=as_steps[1].astype(np.int16),
             seen=seen[chosen],
         )
-    partial.replace(path)
 
 
 def read_frame(path: Path) -> Scene:

@@ -12,6 +12,7 @@ from rich.table import Table
 
 from col3d.reports.per_frame import DEPTH_METRICS, NORMAL_METRICS, Row, by_video, means
 from col3d.reports.screen import plain_console
+from col3d.whole import write_whole
 
 HEADINGS = {
     "abs_rel": "AbsRel",
@@ -53,9 +54,7 @@ def summarise(rows: Sequence[Row], facts: Mapping[str, Any], average: str = "fra
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
     """Write in one step; what is not a finite number becomes null."""
-    partial = path.with_suffix(".partial")
-    partial.write_text(json.dumps(_finite(content), indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    partial.replace(path)
+    write_whole(path, json.dumps(_finite(content), indent=2, allow_nan=False) + "\n")
 
 
 def _finite(content: Any) -> Any:

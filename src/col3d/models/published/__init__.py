@@ -13,6 +13,7 @@ from torch import Tensor
 
 from col3d.checks import check_known
 from col3d.layers.network import DepthNetwork
+from col3d.layers.weight_file import check_archive, check_finite
 from col3d.models import create
 from col3d.models.published.bts_family import (
     BTS_CBAM_MTL_WEIGHTS,
@@ -97,6 +98,10 @@ def read_weights(path: Path) -> dict[str, Any]:
     if not path.is_file():
         raise ValueError(f"checkpoint: no such file: {path}")
     try:
+        check_archive(path)
+    except ValueError as error:
+        raise ValueError(f"checkpoint: {error}") from None
+    try:
         with torch.serialization.safe_globals(NUMPY_ARRAYS):
             content = torch.load(path, map_location="cpu", weights_only=True)
     except Exception as error:  # a file that is no weights may fail in any way while it is read
@@ -171,6 +176,10 @@ def _fill(network: DepthNetwork, given: dict[str, Tensor], spelled: Mapping[str,
     for rule, names in (("has unknown", foreign), ("lacks", missing), ("has other shapes:", misfits)):
         if names:
             raise ValueError(f"state_dict: {rule} {_some(names)}")
+    try:
+        check_finite({spelled[n]: values for n, values in given.items()})
+    except ValueError as error:
+        raise ValueError(f"state_dict: {error}") from None
     network.load_state_dict(given, strict=False)
 
 

@@ -50,7 +50,7 @@ def draw(found: Found, out: Path, truth: Path | None) -> Drawn:
 
     Args:
         found: the runs.
-        out: folder of the PNG files; made where it is not there, figures of before are replaced or removed.
+        out: folder of the PNG files; made where it is not there, figures of before are replaced.
         truth: folder that `col3d.app.truth.keep_truth` wrote, where there is one.
 
     Returns:
@@ -61,8 +61,7 @@ def draw(found: Found, out: Path, truth: Path | None) -> Drawn:
     material = material_of(found, truth)
     out.mkdir(parents=True, exist_ok=True)
     figures, left_out = [], []
-    for name, (title, draw_one) in DRAW.items():
-        (out / f"{name}.png").unlink(missing_ok=True)
+    for title, draw_one in DRAW.values():
         try:
             figures.append(draw_one(material, out))
         except MissingError as error:

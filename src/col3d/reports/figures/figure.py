@@ -11,6 +11,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Canvas
 from PIL import Image
 
+from col3d.whole import write_whole
+
 LARGEST_FILE = 400_000
 RESOLUTIONS = (100, 90, 80)
 """Pixels an inch; below the last, words could not be read."""
@@ -56,9 +58,7 @@ def save(canvas: Canvas, path: Path) -> None:
     for content in _attempts(canvas):
         if len(content) <= LARGEST_FILE:
             break
-    partial = path.with_suffix(".partial")
-    partial.write_bytes(content)
-    partial.replace(path)
+    write_whole(path, content)
 
 
 def _attempts(canvas: Canvas) -> Iterator[bytes]:

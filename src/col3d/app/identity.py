@@ -1,0 +1,33 @@
+"""Which options make a run what it is."""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from col3d.app.config import TrainOptions
+
+UNRELATED = {"overwrite", "output_dir", "logger", "objective", "callbacks"}
+"""Groups and options that change nothing in the weights and numbers of a run."""
+UNRELATED_INSIDE = {("data", "workers"), ("data", "store")}
+
+
+def hash_of(options: TrainOptions) -> str:
+    """Of all options that the weights and numbers of a run depend on."""
+    content = options.model_dump(mode="json", exclude=UNRELATED)
+    for group, name in UNRELATED_INSIDE:
+        content[group].pop(name)
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def differing(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    """Names of the options that differ, and matter."""
+    names = []
+    for name in sorted((before.keys() | now.keys()) - UNRELATED):
+        old, new = before.get(name), now.get(name)
+        if isinstance(old, dict) and isinstance(new, dict):
+            inner = (k for k in sorted(old.keys() | new.keys()) if old.get(k) != new.get(k))
+            names += [f"{name}.{k}" for k in inner if (name, k) not in UNRELATED_INSIDE]
+        elif old != new:
+            names.append(name)
+    return names

@@ -1,0 +1,72 @@
+"""Lightning's Trainer as this program sets it up, and what it is kept from saying."""
+
+import logging
+import sys
+import warnings
+from typing import Any
+
+import torch
+from lightning import Callback, Trainer
+from lightning.fabric.plugins.environments import SLURMEnvironment
+from lightning.pytorch.callbacks import Checkpoint
+from lightning.pytorch.loggers import Logger
+
+from col3d.app.checkpoints import CheckpointFiles
+from col3d.app.config import TrainerOptions
+from col3d.checks import UserError
+
+
+def quiet() -> None:
+    """Silence what Lightning says of every run, advertisements included, and one of its own deprecations."""
+    logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)
+    logging.getLogger("lightning.fabric").setLevel(logging.WARNING)
+    warnings.filterwarnings("ignore", message=r".*isinstance\(treespec, LeafSpec\)")
+    warnings.filterwarnings("ignore", message=".*directory .* exists and is not empty")
+    warnings.filterwarnings("ignore", message=".*does not have many workers which may be a bottleneck")
+    warnings.filterwarnings("ignore", message="The `srun` command is available on your system but is not")
+
+
+def check_accelerator(name: str) -> None:
+    """Refuse an accelerator that this machine does not have.
+
+    Raises:
+        UserError: names the option.
+    """
+    if name in ("gpu", "cuda") and not torch.cuda.is_available():
+        raise UserError(f"trainer.accelerator: this machine has no {name}; take auto or cpu")
+
+
+def make_trainer(
+    given: TrainerOptions, callbacks: list[Callback], loggers: list[Logger], adversarial: bool = False
+) -> Trainer:
+    """Lightning's Trainer; samplers are ours, so that evaluation counts each frame once under DDP."""
+    # Each of two networks that learn in turn leaves the other's gradients out.
+    parts_unused = adversarial and (given.strategy == "ddp" or given.devices != 1)
+    strategy = "ddp_find_unused_parameters_true" if parts_unused else given.strategy
+    on_cpu = given.accelerator == "cpu" or not torch.cuda.is_available()  # metrics are float64: no MPS
+    return Trainer(
+        max_epochs=given.max_epochs,
+        accelerator="cpu" if on_cpu else "cuda",
+        devices=given.devices,
+        strategy=strategy,
+        precision=given.precision,
+        gradient_clip_val=None if adversarial else given.gradient_clip,  # that task clips by itself
+        accumulate_grad_batches=given.accumulate,
+        deterministic=given.deterministic,
+        limit_train_batches=given.limit_train_batches,
+        callbacks=callbacks,
+        logger=loggers or False,
+        plugins=_plugins(),
+        use_distributed_sampler=False,
+        log_every_n_steps=1,
+        num_sanity_val_steps=0,
+        enable_model_summary=False,
+        enable_progress_bar=sys.stdout.isatty(),
+        enable_checkpointing=any(isinstance(callback, Checkpoint) for callback in callbacks),
+    )
+
+
+def _plugins() -> list[Any]:
+    """Checkpoints that are whole or not there; on a cluster, no requeueing by Lightning."""
+    cluster = [SLURMEnvironment(auto_requeue=False)] if SLURMEnvironment.detect() else []
+    return [CheckpointFiles(), *cluster]

@@ -1,0 +1,64 @@
+"""Calls to the system that fail do no harm: a few here, all by `python -m benchmarks.faults.injected`."""
+
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from benchmarks.faults.injected import Tally, _copied, _spread, one
+from benchmarks.faults.injector import KINDS, Injector
+from benchmarks.faults.small_runs import RUNS, SmallRun, prepared_place
+
+MOST = 3
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("injected")
+
+
+@pytest.fixture(scope="module")
+def injector(place: Path) -> Iterator[Injector]:
+    with closing(Injector(place)) as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def start(place: Path, injector: Injector) -> Path:
+    return prepared_place(place / "trial", injector).rename(place / "start")
+
+
+def undisturbed(run: SmallRun, start: Path, injector: Injector) -> tuple[dict[str, int], dict[str, str]]:
+    whole = start.with_name("trial")
+    _copied(start, whole)
+    run.make_ready(whole)
+    code, calls, said = injector.run(run.name, run.given(whole), whole)
+    assert code == 0, said
+    return calls, run.result(whole)
+
+
+@pytest.mark.parametrize("name", ["export", "report", "predict"])
+def test_calls_that_fail_do_no_harm(name: str, start: Path, injector: Injector) -> None:
+    run = next(run for run in RUNS if run.name == name)
+    calls, expected = undisturbed(run, start, injector)
+    tally = Tally()
+    for kind in KINDS:
+        for n in _spread(calls[kind], MOST):
+            found = one(run, start, start.with_name("trial"), injector, kind, n, False, expected, tally)
+            assert found == "", (kind, n)
+    assert tally.codes[2] > MOST  # they did fail
+
+
+def test_harm_is_noticed(start: Path, injector: Injector) -> None:
+    run = next(run for run in RUNS if run.name == "report")
+    _, expected = undisturbed(run, start, injector)
+    whole, other = start.with_name("trial"), {**expected, "paper/report.md": "other"}
+    assert "differs in paper/report.md" in one(run, start, whole, injector, "write", 1, False, other, Tally())
+    (whole / "mine.csv").write_text("changed")
+    assert run.others(whole) != run.others(start)
+    assert _spread(10, 3) == [1, 6, 10]
+    assert _spread(2, 3) == [1, 2]
+    assert {run.name for run in RUNS} == {
+        *("train", "prepare", "evaluate", "predict", "export", "fuse", "report")
+    }

@@ -1,0 +1,172 @@
+"""Nothing of others is replaced or deleted, whatever a command is pointed at."""
+
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from tiny_run import composed
+
+from col3d.app.evaluate import evaluate
+from col3d.app.predict import predict
+from col3d.app.run_folder import FILES
+from col3d.app.train import train
+from col3d.checks import UserError
+from col3d.owned import Owned
+from col3d.reports.__main__ import main as report
+from tests.reports.fake_runs import write_run
+
+Compose = Callable[..., dict[str, Any]]
+
+
+def kept(folder: Path) -> dict[Path, bytes]:
+    """Every file below a folder."""
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def put(path: Path, content: str = "precious") -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(content)
+    return path
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Iterator[Path]:
+    """Where files of others lie; all are there at the end as they were put."""
+    place = tmp_path / "run"
+    yield place
+    assert all(path.read_text().startswith("precious") for path in place.rglob("*") if path.is_file())
+
+
+@pytest.mark.parametrize("overwrite", ["true", "false"])
+@pytest.mark.parametrize("name", [*FILES, "checkpoints/epoch=12.ckpt", "predictions_test/mine.npz"])
+def test_a_training_replaces_no_file_of_others(
+    name: str, overwrite: str, folder: Path, tiny: Compose
+) -> None:
+    put(folder / name)
+    put(folder / "notes.txt")
+    with pytest.raises(UserError, match=str(folder)):
+        train(tiny(f"overwrite={overwrite}", "callbacks.predictions=true"))
+
+
+def test_a_lightning_run_of_others_is_left_alone(folder: Path, tiny: Compose) -> None:
+    put(folder / "config.yaml", "precious: true")
+    put(folder / "checkpoints" / "epoch=12.ckpt")
+    for overrides in ([], ["overwrite=true"]):
+        with pytest.raises(UserError, match=rf"{folder} holds config\.yaml"):
+            train(tiny(*overrides))
+
+
+def test_what_was_put_into_a_run_survives_its_replacement(tiny: Compose, tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    train(tiny("callbacks.predictions=true"))
+    mine = [
+        put(run / name)
+        for name in (
+            "panels/mine.png",
+            "checkpoints/epoch=12.ckpt",
+            "predictions_test/mine.npz",
+            "notes/a.md",
+            ".lock",
+        )
+    ]
+    before = kept(run)
+    with pytest.raises(UserError, match="another seed"):
+        train(tiny("seed=1"))
+    assert kept(run) == before
+    train(tiny("seed=1", "overwrite=true"))
+    assert all(path.read_text() == "precious" for path in mine)
+    assert not (run / "predictions_test" / "index.json").exists()
+    assert (run / "result.json").is_file()
+
+
+def test_an_evaluation_replaces_nothing_but_evaluations(tiny_checkpoint: Path, tmp_path: Path) -> None:
+    run = Path(shutil.copytree(tiny_checkpoint.parents[1], tmp_path / "trained"))
+    given = [f"checkpoint={run / 'checkpoints' / 'best.ckpt'}", "accelerator=cpu", "panels=1"]
+    before = kept(run)
+    with pytest.raises(UserError, match=rf"^output_dir: {run} holds summary\.json"):
+        evaluate(composed("evaluate", *given, f"output_dir={run}"))
+    assert kept(run) == before
+    place = tmp_path / "scored"
+    mine = put(place / "panels" / "mine.png")
+    for _ in range(2):
+        evaluate(composed("evaluate", *given, f"output_dir={place}"))
+        assert mine.read_text() == "precious"
+        assert (place / "summary.json").is_file()
+        assert len(list((place / "panels").glob("*.png"))) == 2
+    for name in ("summary.json", "per_frame.csv", "run.html"):
+        other = put(tmp_path / name / name)
+        with pytest.raises(UserError, match=rf"^output_dir: {other.parent} holds {name}"):
+            evaluate(composed("evaluate", *given, f"output_dir={other.parent}"))
+        assert other.read_text() == "precious"
+
+
+def test_predictions_of_others_beside_a_checkpoint_stay(tiny_checkpoint: Path, tmp_path: Path) -> None:
+    checkpoint = Path(shutil.copy(tiny_checkpoint, tmp_path / "best.ckpt"))
+    mine = put(tmp_path / "predictions_test" / "index.json", '{"mine": "precious"}')
+    with pytest.raises(UserError, match=f"{mine.parent} holds index.json"):
+        evaluate(composed("evaluate", f"checkpoint={checkpoint}", "accelerator=cpu", "panels=0"))
+    assert "precious" in mine.read_text()
+
+
+def test_a_report_replaces_nothing_but_reports(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_run(tmp_path / "runs" / "a")
+    write_run(tmp_path / "runs" / "b", "newcrfs")
+    paper, arguments = tmp_path / "paper", [str(tmp_path / "runs"), str(tmp_path / "paper")]
+    mine = [put(paper / "tables" / f"mine.{ending}") for ending in ("md", "tex", "csv")]
+    mine.append(put(paper / "figures" / "mine.png"))
+    assert report(arguments) == 0
+    first = set((paper / "tables").iterdir())
+    shutil.rmtree(tmp_path / "runs" / "b")
+    assert report(arguments) == 0
+    assert set((paper / "tables").iterdir()) < first  # those of before that are none of this report's
+    assert all(path.read_text() == "precious" for path in mine)
+    table = next(path.name for path in (paper / "tables").iterdir() if path.stem != "mine")
+    for name in ("report.md", "report.html", f"tables/{table}", "figures/per_video.png", "tables"):
+        place = tmp_path / name.replace("/", "_")
+        other = put(place / name)
+        assert report([arguments[0], str(place)]) == 2, name
+        assert f"error: OUT: {place} holds {name}" in capsys.readouterr().err
+        assert kept(place) == {other: b"precious"}
+
+
+def test_a_prediction_replaces_no_file_of_others_and_no_input(
+    tiny_checkpoint: Path, phantom_root: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+
+    def predicted(given: Path, *overrides: str) -> None:
+        options = (f"checkpoint={tiny_checkpoint}", "accelerator=cpu", "previews=true", "video=true")
+        predict(composed("predict", *options, f"input={given}", f"output={out}", *overrides))
+
+    predicted(phantom_root / "desc_t4_a")
+    mine = [put(out / name) for name in ("frames/mine_depth.tiff", "previews/mine.png", "mine.csv")]
+    before = kept(out)
+    for given in (
+        out / "*" / "0000.png",
+        out / "previews",
+        out / "side_by_side.mp4",
+        out / "**" / "*.png",
+        out,
+    ):
+        with pytest.raises(UserError, match=f"output: {out} holds the input"):
+            predicted(given, "overwrite=true")
+        assert kept(out) == before
+    predicted(phantom_root / "trans_t1_a", "overwrite=true", "files=false")
+    assert all(path.read_text() == "precious" for path in mine)
+    assert not (out / "frames" / "0000_depth.tiff").exists()
+
+
+def test_a_list_owns_nothing_outside_its_folder(tmp_path: Path) -> None:
+    mine = put(tmp_path / "mine.txt")
+    place = tmp_path / "place"
+    put(place / ".col3d_report", f'"../mine.txt"\n"{mine}"\n"a.md"\nnot json\n"cut of')
+    owned = Owned(place, "report", "OUT")
+    assert list(owned.names) == ["a.md"]
+    owned.adopt("b.md")
+    assert list(Owned(place, "report", "OUT").names) == ["a.md", "b.md"]
+    put(place / "b.md")
+    owned.remove()
+    assert mine.read_text() == "precious"
+    assert not (place / "b.md").exists()
