@@ -1,5 +1,5 @@
 .DEFAULT_GOAL := help
-.PHONY: help setup phantom train app benchmark speed test test-slurm lint format docs clean
+.PHONY: help setup system phantom train app benchmark speed test test-slurm lint format docs clean
 
 PYTHON ?= python3
 BIN := .venv/bin
@@ -29,6 +29,10 @@ endif
 	@touch $@
 
 setup: $(READY)  ## Create .venv with the versions of constraints.txt (LOCKED=1 checks the hash of each file)
+
+system:  ## Install what pip cannot: Chromium for the tests of pages, libusb for Open3D (Debian, as root)
+	apt-get update -qq
+	apt-get install -y -qq --no-install-recommends chromium chromium-driver libusb-1.0-0
 
 phantom: $(READY)  ## Render the colon that training uses when there is no C3VD
 	$(BIN)/python prepare.py data=phantom $(ARGS)

@@ -78,6 +78,17 @@ def test_what_cannot_be_fused_is_refused(rendered: Path, tmp_path: Path) -> None
         fused(video, tmp_path / "out")
 
 
+def test_a_library_that_open3d_lacks_is_named(
+    rendered: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(name: str) -> None:
+        raise ImportError("libusb-1.0.so.0: cannot open shared object file")
+
+    monkeypatch.setattr("col3d.app.fuse.import_module", fails)
+    with pytest.raises(UserError, match=r"needs Open3D \(libusb-1\.0\.so\.0: cannot .* apt-get install libusb"):
+        fused(rendered, tmp_path / "out")
+
+
 def test_files_of_others_and_earlier_fusions_stay(rendered: Path, tmp_path: Path) -> None:
     (tmp_path / "truth.ply").write_text("mine")
     with pytest.raises(UserError, match=r"holds truth\.ply, which is of no fusion"):

@@ -3,7 +3,7 @@
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from importlib.util import find_spec
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -72,8 +72,7 @@ def fuse(given: Mapping[str, Any]) -> None:
     quiet()
     options = check_options(FuseOptions, given)
     check_accelerator(options.accelerator)
-    if find_spec("open3d") is None:
-        raise UserError("fuse.py needs Open3D: pip install -e '.[fusion]'")
+    _check_open3d()
     try:
         with (
             in_a_line("frames=50 fuses fewer frames, voxel=1 in larger steps, far=60 less of them"),
@@ -131,6 +130,17 @@ def _write(output: Path, found: dict[str, Any], surfaces: Mapping[str, "Surface"
     write_fusion_page(output / PAGE, found, scene)
     write_json(output / SUMMARY, {**found, **provenance()})
     print_fusion(found, [output / name for name in WRITTEN if (output / name).exists()])
+
+
+def _check_open3d() -> None:
+    """Refuse before work starts where Open3D, or a library of the system that it loads, is missing."""
+    try:
+        import_module("open3d")
+    except ImportError as error:
+        raise UserError(
+            f"fuse.py needs Open3D ({error}): pip install -e '.[fusion]', and on Debian "
+            "apt-get install libusb-1.0-0"
+        ) from None
 
 
 def _network(options: FuseOptions) -> Learnt | None:
