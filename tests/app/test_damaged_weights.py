@@ -11,6 +11,7 @@ import pytest
 import torch
 from parity import needs_parity, published_state
 from tiny_run import SMALL, composed
+from torch import Tensor
 
 from col3d import weights
 from col3d.app import learnt as learning
@@ -151,8 +152,8 @@ def test_depth_that_is_no_number_is_written_by_nobody(
     network = learnt(tiny_checkpoint)
     called = type(network.network).forward
 
-    def overflowing(self: Any, *given: Any, **named: Any) -> Any:
-        found = called(self, *given, **named)
+    def overflowing(self: Any, image: Tensor, rays: Tensor | None = None) -> Any:
+        found = called(self, image, rays)
         return {**found, "depth": torch.full_like(found["depth"], math.nan)}
 
     with monkeypatch.context() as patched:

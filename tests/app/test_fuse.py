@@ -85,7 +85,7 @@ def test_a_library_that_open3d_lacks_is_named(
         raise ImportError("libusb-1.0.so.0: cannot open shared object file")
 
     monkeypatch.setattr("col3d.app.fuse.import_module", fails)
-    with pytest.raises(UserError, match=r"needs Open3D \(libusb-1\.0\.so\.0: cannot .* apt-get install libusb"):
+    with pytest.raises(UserError, match=r"needs Open3D \(libusb-1\.0\.so\.0: .* apt-get install libusb"):
         fused(rendered, tmp_path / "out")
 
 
@@ -133,7 +133,7 @@ def test_a_video_without_truth_is_fused_from_its_predictions(
     shutil.copy(rendered / "pose.txt", video)
     found = fused(video, tmp_path / "out", f"checkpoint={tiny_checkpoint}", "size=null")
     assert (found["frames"], found["comparisons"]) == (3, {})
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {
+    assert {path.name for path in (tmp_path / "out").glob("[!.]*")} == {
         *("predicted.ply", "fusion.json", "fusion.html")
     }
     with pytest.raises(UserError, match=r"c1_cecum_t1_v4 has no true depth; give checkpoint=PATH"):

@@ -1,6 +1,7 @@
 """What is foreseen ends in one line that names the option or file: never in a traceback."""
 
 import json
+import multiprocessing.connection
 import os
 import subprocess
 import sys
@@ -13,6 +14,7 @@ import torch
 from PIL import Image
 from test_launch import call
 from tiny_run import composed
+from torch.utils.data import DataLoader, Dataset
 
 from col3d.app.cameras import camera_at, lens_of
 from col3d.app.checkpoints import read_checkpoint
@@ -174,3 +176,35 @@ def test_another_process_of_a_training_that_is_gone(tmp_path: Path) -> None:
     assert answer.stdout == (
         "trainer.devices: another process of this training is gone; the same command goes on\n"
     ), answer.stderr
+
+
+class HandsOverAndDies(Dataset[torch.Tensor]):
+    """Its first item is on its way when the process that made it ends."""
+
+    def __len__(self) -> int:
+        return 4
+
+    def __getitem__(self, index: int) -> torch.Tensor:
+        return torch.zeros(3)
+
+
+def test_a_worker_that_ends_while_it_hands_over_is_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    module: dict[str, Any] = {"__name__": "multiprocessing.connection"}
+    exec("def reset(*_): raise ConnectionResetError(104, 'Connection reset by peer')", module)
+    batches = iter(DataLoader(HandsOverAndDies(), batch_size=2, num_workers=1))
+    monkeypatch.setattr(multiprocessing.connection, "answer_challenge", module["reset"])
+    line = r"^data\.workers: a process that loads frames is gone .*; the same command goes on$"
+    with pytest.raises(UserError, match=line), in_a_line("smaller"):
+        list(batches)
+
+
+def test_a_data_set_s_own_connection_keeps_its_traceback() -> None:
+    class Remote(Dataset[torch.Tensor]):
+        def __len__(self) -> int:
+            return 1
+
+        def __getitem__(self, index: int) -> torch.Tensor:
+            raise ConnectionResetError("of a server of its own")
+
+    with pytest.raises(ConnectionResetError, match="of a server"), in_a_line("smaller"):
+        list(DataLoader(Remote(), num_workers=0))

@@ -58,10 +58,19 @@ def export(given: Mapping[str, Any]) -> None:
 
 def _export_program(options: ExportOptions, path: Path, stop: StopSignals) -> None:
     subject = learnt(Path(options.checkpoint), options.published, options.max_depth, options.size)
+    _check_output(subject)
     with _in_place(path, stop) as partial:
         print(f"export: {subject.name} to {path}, which takes a while", flush=True)
         likeness = _write(subject, partial, path.suffix)
     _report(subject, path, likeness)
+
+
+def _check_output(subject: Learnt) -> None:
+    """Refuse a network whose output is not finite, before minutes of tracing."""
+    lens = next(iter(subject.cameras), None)
+    if lens is not None or not subject.network.needs_rays:
+        grey = torch.full((1, 3, *subject.size_hw), 128, dtype=torch.uint8)
+        subject.predict(grey, None if lens is None else lens.resized(subject.size_hw))
 
 
 def _export_weights(options: ExportOptions, path: Path, stop: StopSignals) -> None:

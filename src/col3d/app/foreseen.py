@@ -1,5 +1,6 @@
 """What goes wrong in long computations without being a fault of the program, as one line each."""
 
+import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -50,6 +51,8 @@ def _line(error: BaseException, smaller: str) -> str:
     last = str(error).strip().splitlines()[-1].strip(" .") if str(error).strip() else ""
     if isinstance(error, RuntimeError) and "DataLoader worker" in str(error):
         return f"data.workers: {last}; the same command goes on"
+    if _while_a_worker_spoke(error):
+        return f"data.workers: a process that loads frames is gone ({last}); the same command goes on"
     if is_out_of_memory(error):
         return f"memory is out ({_size(error)}); {smaller}"
     if isinstance(error, RuntimeError) and TOO_LARGE in str(error):
@@ -60,6 +63,13 @@ def _line(error: BaseException, smaller: str) -> str:
     if lost and torch.distributed.is_initialized():
         return "trainer.devices: another process of this training is gone; the same command goes on"
     return ""
+
+
+def _while_a_worker_spoke(error: BaseException) -> bool:
+    """Whether a process that loads frames ended in the middle of what it was handing over."""
+    modules = [str(frame.f_globals.get("__name__")) for frame, _ in traceback.walk_tb(error.__traceback__)]
+    in_transfer = bool(modules) and modules[-1].startswith("multiprocessing.")
+    return in_transfer and any(module.startswith("torch.utils.data.") for module in modules)
 
 
 def is_out_of_memory(error: BaseException) -> bool:
