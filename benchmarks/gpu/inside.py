@@ -22,7 +22,7 @@ from col3d.batch import Batch
 NETWORK = "col3d_mtl"
 KINDS = {
     "copies": r"copy|memcpy|memset|fill|zero_|catarray|aten::cat|nchwtonhwc|nhwctonchw|transpose",
-    "convolutions": r"conv(?!ert)|gemm|xmma|wgrad|dgrad|fprop|cutlass|winograd|implicit|nvjet|::(add)?b?mm$",
+    "convolutions": r"conv(?!ert)|gem[mv]|xmma|wgrad|dgrad|fprop|cutlass|winograd|scudnn|nvjet|::(add|b)?mm$",
 }
 """Names of kernels of a GPU and of operations of a CPU; the first that matches counts."""
 REST = "everything else"
@@ -47,7 +47,8 @@ def inside(setting: Setting, item: str) -> Iterator[Record]:
 def _shares(setting: Setting, subject: Subject, mode: Mode, batch: Batch) -> Record:
     cuda = setting.device.type == "cuda"
     seconds = [seconds_of(lambda: subject.step(setting, mode, batch), setting.device) for _ in range(ROUNDS)]
-    with profile(activities=[ProfilerActivity.CUDA if cuda else ProfilerActivity.CPU]) as found:
+    activities = [ProfilerActivity.CPU, *([ProfilerActivity.CUDA] if cuda else [])]
+    with profile(activities=activities) as found:
         subject.step(setting, mode, batch)
         if cuda:
             torch.cuda.synchronize(setting.device)
