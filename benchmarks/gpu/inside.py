@@ -4,6 +4,7 @@ import re
 import warnings
 from collections import Counter
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -16,7 +17,7 @@ from benchmarks.gpu.networks import OWN_FORMAT, TWIN, Subject, subjects
 from benchmarks.gpu.results import Record
 from benchmarks.gpu.setting import MS, Mode, Setting
 from benchmarks.networks import batch_of
-from benchmarks.timing import seconds_of
+from benchmarks.timing import Work, seconds_of
 from col3d.batch import Batch
 
 NETWORK = "col3d_mtl"
@@ -40,7 +41,7 @@ def inside(setting: Setting, item: str) -> Iterator[Record]:
             for _ in range(2):  # moments are made at the first
                 subject.step(setting, mode, batch)
             if subject.name != TWIN:
-                yield _waits(setting, subject, mode, batch)
+                yield waits_of(setting, "training step", mode, partial(subject.step, setting, mode, batch))
             yield _shares(setting, subject, mode, batch)
 
 
@@ -90,16 +91,17 @@ def _microseconds(event: Any, cuda: bool) -> float:
     return 0.0 if marked or event.device_type != DeviceType.CUDA else float(event.self_device_time_total)
 
 
-def _waits(setting: Setting, subject: Subject, mode: Mode, batch: Batch) -> Record:
-    row: Record = {"table": "Waits of the host for the device in a training step", "form": subject.name}
-    row["precision"] = mode.name
+def waits_of(setting: Setting, name: str, mode: Mode, work: Work) -> Record:
+    """How often the host waits for the device in a work, and where."""
+    row: Record = {"table": "Waits of the host for the device", "in": name, "precision": mode.name}
     if setting.device.type != "cuda":
+        work()
         return row | {"synchronisations": "not measured: needs CUDA"}
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         torch.cuda.set_sync_debug_mode("warn")
         try:
-            subject.step(setting, mode, batch)
+            work()
         finally:
             torch.cuda.set_sync_debug_mode("default")
     waits = [warning for warning in caught if "synchroniz" in str(warning.message)]

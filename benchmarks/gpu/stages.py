@@ -16,7 +16,7 @@ from benchmarks.gpu.results import STAGES, Record, Results
 from benchmarks.gpu.setting import NAMES, Setting
 from col3d.checks import DataError
 
-GROUPS = ("parity", "speed", "inside", "compiled")
+GROUPS = ("parity", "speed", "inside", "loader", "compiled")
 NOT_RUN = "not run"
 LEAST_SECONDS = 2.0
 """A stage with less time left is not begun."""
@@ -59,7 +59,7 @@ def stages(chosen: Sequence[str] = GROUPS) -> list[Stage]:
     found += [Stage("speed", first, 40, _speed), Stage("speed", second, 60, _speed)]
     found += [Stage("inside", first, 30, _inside)]
     found += [Stage("speed", name, 25, _speed) for name in others]
-    found += [Stage("compiled", first, 150, _compiled)]
+    found += [Stage("loader", first, 45, _loader), Stage("compiled", first, 150, _compiled)]
     known = {*GROUPS, *(stage.name for stage in found)}
     if unknown := sorted(set(chosen) - known):
         raise DataError(f"--only: expected names of {', '.join(sorted(known))}; got {', '.join(unknown)}")
@@ -138,6 +138,12 @@ def _inside(setting: Setting, name: str) -> Iterable[Record]:
     from benchmarks.gpu.inside import inside
 
     return inside(setting, name)
+
+
+def _loader(setting: Setting, name: str) -> Iterable[Record]:
+    from benchmarks.gpu.loader import loader
+
+    return loader(setting, name)
 
 
 def _compiled(setting: Setting, name: str) -> Iterable[Record]:

@@ -40,9 +40,8 @@ def test_every_stage_writes_its_results(tmp_path: Path) -> None:
     assert (
         ended.pop("parity:bts") == "not run: COL3D_PARITY: must name the folder of reference numbers, got ''"
     )
-    assert ended == dict.fromkeys(
-        ["speed:col3d_mtl", "inside:col3d_mtl", "speed:pix2pix", "compiled:col3d_mtl"], "done"
-    )
+    done = ["speed:col3d_mtl", "inside:col3d_mtl", "speed:pix2pix", "compiled:col3d_mtl"]
+    assert ended == dict.fromkeys(done, "done")
     rows = [line for line in lines if line["table"].startswith("Speed")]
     timed = {(row["network"], row["form"]) for row in rows}
     assert timed >= {("col3d_mtl", "published code"), ("col3d_mtl", "col3d"), ("pix2pix", "col3d")}
@@ -54,6 +53,13 @@ def test_every_stage_writes_its_results(tmp_path: Path) -> None:
     assert {line["table"] for line in lines} >= {"Aims", "facts"}
     assert all(f"{line['table']}:\n\n|" in page for line in lines if line["table"] != "facts")
     assert len(list(tmp_path.iterdir())) <= 8
+
+
+def test_frames_are_followed_from_the_store_to_the_step(tmp_path: Path) -> None:
+    assert main([str(tmp_path), *["--device", "cpu", "--quick", "--only", "loader"]]) == 0
+    rates = {line["what"]: line["frames/s"] for line in lines_of(tmp_path) if "frames/s" in line}
+    assert len(rates) == 4
+    assert all(rate > 0 for rate in rates.values())
 
 
 @needs_parity
