@@ -15,7 +15,7 @@ from benchmarks.gpu.results import Record
 from benchmarks.gpu.setting import BFLOAT16, Setting
 from benchmarks.loading import Loading, house_loader, on_device, wait_for
 from benchmarks.networks import batch_of
-from benchmarks.timing import interleaved, ratios
+from benchmarks.timing import Work, interleaved, ratios
 from col3d.data.codes import Codes, decode
 from col3d.data.store import Stored
 from col3d.data.transforms import Augment
@@ -87,7 +87,7 @@ def loader(setting: Setting, item: str) -> Iterator[Record]:
 
 
 def _records(setting: Setting, epoch: Epoch, workers: int) -> Iterator[Record]:
-    works = {
+    works: dict[str, Work] = {
         "loader": epoch.load,
         "loader, decoding and augmentation on the device": partial(epoch.run, False),
         "step on a batch that is there": epoch.steps,

@@ -35,11 +35,11 @@ class Tolerance:
 
 TOLERANCES: dict[Mode, Tolerance] = {
     FLOAT32: Tolerance(largest=1e-3),
-    TF32: Tolerance(largest=0.1),
+    TF32: Tolerance(mean=1e-3),
     BFLOAT16: Tolerance(mean=1e-2),
     FLOAT16: Tolerance(mean=1e-3),
 }
-"""float32 and bfloat16 as on CPUs. TF32 and float16 have 10 bits after the point, a thousandth of a value."""
+"""float32 and bfloat16 as on CPUs. TF32 and float16 have 10 bits after the point: a thousandth of a value."""
 COARSE_SOURCE = "monodepth_fpn"
 COARSE = {FLOAT32: Tolerance(largest=1e-2)}
 """Of that network, whose reference is a fraction at a quarter of the size: 1e-4 of 100 mm, as on CPUs."""

@@ -23,7 +23,7 @@ Seconds = Mapping[Key, list[float]]
 def speed(setting: Setting, name: str) -> Iterator[Record]:
     """Rows of one network in all its forms and precisions, and what its aims say."""
     found = subjects(setting, name)
-    keys = [(subject, mode) for subject in found for mode in setting.modes]
+    keys = [(subject, mode) for subject in found for mode in modes_of(setting, subject)]
     forward, step = forward_seconds(setting, keys), step_seconds(setting, keys)
     batch = batch_of(setting.batch, setting.side, setting.device)
     held = {(subject, mode): subject.peak_bytes(setting, mode, batch) for subject, mode in keys}
@@ -31,6 +31,11 @@ def speed(setting: Setting, name: str) -> Iterator[Record]:
         yield _row(setting, name, (subject, mode), forward, step, held)
     if any(subject.name == TWIN for subject in found):
         yield from _aims(name, step, held)
+
+
+def modes_of(setting: Setting, subject: Subject) -> tuple[Mode, ...]:
+    """All precisions; of a network in the other memory format the fastest alone."""
+    return setting.modes if subject.name in (OWN_FORMAT, TWIN) else setting.modes[-1:]
 
 
 def forward_seconds(setting: Setting, keys: list[Key]) -> Seconds:
@@ -54,8 +59,6 @@ def step_seconds(setting: Setting, keys: list[Key]) -> Seconds:
 def _timed(setting: Setting, works: Mapping[Key, Work], in_a_row: int) -> Seconds:
     names = {str(number): key for number, key in enumerate(works)}
     by_name = {number: works[key] for number, key in names.items()}
-    for work in by_name.values():  # beside the round that `interleaved` drops: kernels are chosen and loaded
-        work()
     seconds = interleaved(by_name, setting.rounds, setting.device)
     return {names[number]: [second / in_a_row for second in taken] for number, taken in seconds.items()}
 
