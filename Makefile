@@ -48,6 +48,7 @@ benchmark: $(READY)  ## Run the paper's experiments and report them (PRESET=smok
 
 speed: $(READY)  ## Time networks, metrics, geometry, start-up and data beside twins and floors (DATA=c3vd ROOT=path)
 	$(BIN)/python -m benchmarks.speed --data $(DATA) $(if $(ROOT),--root $(ROOT)) $(ARGS)
+	@if $(BIN)/python -c 'import sys, torch; sys.exit(not torch.cuda.is_available())'; then $(BIN)/python -m benchmarks.gpu speed-gpu; fi
 
 test: $(READY) lint  ## Run all tests, linters and type checks
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 $(ARGS)

@@ -3,19 +3,16 @@
 from functools import partial
 
 import torch
-from hydra import initialize_config_dir
 
 from benchmarks.loading import house_batch, wait_for
+from benchmarks.options import train_options
 from benchmarks.timing import Work, interleaved
 from col3d.app import build
 from col3d.app.config import TrainOptions
-from col3d.app.errors import check_options
 from col3d.batch import Batch
 from col3d.data.frames import FrameSet
 from col3d.data.sized import Resized
 from col3d.data.transforms import Augment
-from launch import composed
-from launch.files import CONF
 
 STEP = "step without augmentation"
 AUGMENTS = {
@@ -26,9 +23,7 @@ AUGMENTS = {
 
 def laptop_options(*overrides: str) -> TrainOptions:
     """What `train.py model=col3d_mtl preset=laptop` takes."""
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        given = composed("train", ["model=col3d_mtl", "preset=laptop", "output_dir=runs", *overrides])
-    return check_options(TrainOptions, given)
+    return train_options("model=col3d_mtl", "preset=laptop", *overrides)
 
 
 def step_costs(

@@ -1,0 +1,1 @@
+"""Networks on a GPU: right, fast, and where the time goes."""
