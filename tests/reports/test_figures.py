@@ -97,14 +97,14 @@ def test_without_truth_figures_of_numbers_are_drawn(paper: Path, tmp_path: Path,
         shutil.copytree(paper / "truth", tmp_path / given)
         (tmp_path / given / "index.json").unlink()
     (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "qualitative.png").write_text("of before")
+    (tmp_path / "out" / "qualitative.png").write_text("of someone")
     drawn = draw(read_runs(paper / "runs"), tmp_path / "out", truth)
     assert [f.path.stem for f in drawn.figures] == [name for name in DRAW if name not in NEED_TRUTH]
     assert [line.partition(": ")[0] for line in drawn.left_out] == [
         f"figure {DRAW[n][0]!r}" for n in NEED_TRUTH
     ]
     assert all("images and true depth was not given or is not complete" in line for line in drawn.left_out)
-    assert not (tmp_path / "out" / "qualitative.png").exists()
+    assert (tmp_path / "out" / "qualitative.png").read_text() == "of someone"
 
 
 def drop_predictions(root: Path) -> None:

@@ -11,6 +11,7 @@ import pytest
 
 from col3d.app.job import JobStatus
 from col3d.checks import UserError
+from col3d.owned import Owned
 from col3d.reports.experiments import experiments_of
 from col3d.reports.jobs import RESULT, STATUS, add_to_plan, read_plain, read_sweep
 from col3d.reports.ledger import main as ledger
@@ -78,6 +79,7 @@ def test_every_reader_of_a_job(
     folder.mkdir()
     (folder / STATUS).write_text(json.dumps(STATUSES))
     path = sweep / name if name == "sweep.json" else folder / name
+    Owned(sweep, "sweep", "hydra.sweep.dir").adopt("sweep.json")
     for _, wrong in mutations(content):
         path.write_text(json.dumps(wrong))
         assert "job" in [job.name for job in read_sweep(sweep)]

@@ -171,7 +171,7 @@ def test_the_page_needs_nothing_beside_it(tmp_path: Path) -> None:
     )
     write_page(path, facts(), [picture(), healthy])
     page = path.read_text(encoding="utf-8")
-    assert "/data/&lt;C3VD&gt;" in page
+    assert "c3vd in &lt;C3VD&gt;, 1080 x 1350" in page
     assert "&lt;b&gt;cut off&lt;/b&gt;" in page
     assert "<b>cut off</b>" not in page
     for link in re.findall(r'(?:src|href)="([^"]*)"', page):
