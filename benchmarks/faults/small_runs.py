@@ -20,7 +20,7 @@ MINE = "precious"
 """What files of others hold, which lie everywhere."""
 EVALUATED = "trained/predictions_"
 """What an evaluation keeps beside the run that it scores."""
-PREVIEWS = (".png", ".mp4", ".html", ".npz", ".ply")
+PREVIEWS = (".png", ".mp4", ".html", ".npz")
 """Endings of files whose bytes hold the time, are of no weight, or differ from run to run."""
 TIMES = ("seconds",)
 """Columns of tables that differ from run to run."""
@@ -111,7 +111,7 @@ def _weights(path: Path) -> bytes:
 
 def _facts(path: Path) -> bytes:
     content = json.loads(path.read_text())
-    return json.dumps([content.get(key) for key in ("metrics", "best", "frames")]).encode()
+    return json.dumps([content.get(key) for key in ("metrics", "best", "frames", "comparisons")]).encode()
 
 
 def _rows(path: Path) -> bytes:
@@ -170,7 +170,7 @@ def _export(place: Path) -> dict[str, Any]:
 
 def _fuse(place: Path) -> dict[str, Any]:
     folders = (f"video={place / 'frames' / 'desc_t4_a'}", f"output={place / 'fused'}")
-    return _of_weights("fuse", place, *folders)
+    return _of_weights("fuse", place, *folders, "voxel=2")
 
 
 def _report(place: Path) -> list[str]:
