@@ -2,6 +2,7 @@
 
 import shutil
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -162,16 +163,15 @@ def test_a_prediction_replaces_no_file_of_others_and_no_input(
     assert not (out / "frames" / "0000_depth.tiff").exists()
 
 
-def test_a_verification_replaces_no_file_of_others(phantom_root: Path, rendered: Path, tmp_path: Path) -> None:
+def test_a_verification_replaces_no_file_of_others(rendered: Path, tmp_path: Path) -> None:
     options = ("data=phantom", "phantom.size=[64,80]", "phantom.frames_per_video=3", "data/split=custom")
     parts = [f"data.split.{part}=[desc_t4_a]" for part in ("train", "val", "test")]
 
     def verified(out: Path) -> None:
         place = (f"data.root={rendered.parent}", f"output={out}", "workers=1", "data.allow_missing=true")
-        try:
+        with suppress(SystemExit):  # three frames are fewer than a video should have
             verify(composed("verify", *options, *parts, *place))
-        except SystemExit as end:
-            assert end.code == 1
+        assert (out / "verify.html").is_file()
 
     for name in ("verify.json", "verify.html"):
         mine = put(tmp_path / name / name)
@@ -186,7 +186,7 @@ def test_a_verification_replaces_no_file_of_others(phantom_root: Path, rendered:
     assert beside.read_text() == "precious"
 
 
-def test_what_was_put_into_a_video_is_never_lost(phantom_root: Path, tmp_path: Path) -> None:
+def test_what_was_put_into_a_video_is_never_lost(tmp_path: Path) -> None:
     root, store = tmp_path / "frames", tmp_path / "store"
     parts = [f"data.split.{part}=[{video}]" for part in ("train", "val", "test") for video in VIDEOS[:1]]
     sizes = ("data.size=[64,80]", "phantom.size=[64,80]", "phantom.frames_per_video=2", "workers=1")
@@ -212,9 +212,7 @@ def test_an_export_replaces_no_input(tiny_checkpoint: Path, tmp_path: Path) -> N
     for ending in ("ckpt", "pt2", "onnx"):
         checkpoint = Path(shutil.copy(tiny_checkpoint, tmp_path / f"weights.{ending}"))
         with pytest.raises(UserError, match=f"^output: {checkpoint} is the checkpoint itself"):
-            export(
-                composed("export", f"checkpoint={checkpoint}", f"output={checkpoint}", "overwrite=true")
-            )
+            export(composed("export", f"checkpoint={checkpoint}", f"output={checkpoint}", "overwrite=true"))
 
 
 def test_a_list_owns_nothing_outside_its_folder(tmp_path: Path) -> None:

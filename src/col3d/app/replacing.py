@@ -1,4 +1,4 @@
-"""Overwriting the runs of a sweep or a benchmark once, however often its command is stopped and given again."""
+"""Runs of a sweep or a benchmark are overwritten once, however often its command is given again."""
 
 import os
 from collections.abc import Iterable

@@ -24,11 +24,11 @@ from col3d.checks import DataError, UserError, naming
 POLL_SECONDS = 0.2
 PARTIAL = ".partial-"
 LISTS = {
-    "phantom.json": r"\d{4,}_(color\.png|occlusion\.png|(depth|normals|flow)\.tiff)|pose\.txt|coverage_mesh\.obj",
+    "phantom.json": r"\d{4,}_(color|occlusion|depth|normals|flow)\.(png|tiff)|pose\.txt|coverage_mesh\.obj",
     "index.json": r"(image|depth|normals|mask)\.npy",
 }
-"""Files that say what a rendered or a prepared video consists of, and the names of its files, by which they are
-known where the list cannot be read."""
+"""Files that list what a rendered or a prepared video consists of, and the names of what is ours where a list
+cannot be read."""
 
 _frames_done: Any = None
 """In a worker process: the counter it shares with its parent."""
@@ -182,7 +182,7 @@ def check_replaceable(folder: Path) -> None:
     """
     if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
         raise DataError(f"{folder} is no folder of this program and stays as it is; move it away")
-    if folder.is_dir() and (others := sorted(set(os.listdir(folder)) - set(_written(folder)))):
+    if folder.is_dir() and (others := sorted(_names(folder) - set(_written(folder)))):
         raise DataError(
             f"{folder} holds {others[0]}, which this program did not write and which stays as it is; move it "
             "elsewhere, and the same command makes the video anew"
@@ -193,10 +193,15 @@ def _written(folder: Path) -> list[str]:
     """Names of the files of a video that this program wrote, their list last: it goes when they are gone."""
     for name, pattern in LISTS.items():
         if (folder / name).is_file():
-            listed, found = _listed(folder / name), os.listdir(folder)
-            ours = [file for file in found if (re.fullmatch(pattern, file) if listed is None else file in listed)]
-            return [*ours, name]
+            listed = _listed(folder / name)
+            if listed is None:
+                listed = {file for file in _names(folder) if re.fullmatch(pattern, file)}
+            return [*sorted(listed & _names(folder)), name]
     return []
+
+
+def _names(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()}
 
 
 def _listed(path: Path) -> set[str] | None:
@@ -224,7 +229,7 @@ def remove_stale(root: Path) -> None:
         process = folder.name.rpartition("-")[2]
         if not process.isdigit() or _is_running(int(process)) or folder.is_symlink() or not folder.is_dir():
             continue
-        if all(names.fullmatch(name) for name in os.listdir(folder)):
+        if all(names.fullmatch(name) for name in _names(folder)):
             shutil.rmtree(folder, ignore_errors=True)
 
 

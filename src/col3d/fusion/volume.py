@@ -84,7 +84,8 @@ class Volume:
         if mesh.vertex.positions.shape[0] == 0:
             return Surface(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int64))
         colours = (mesh.vertex.colors.numpy() * 255).round().clip(0, 255).astype(np.uint8)
-        return _in_order(mesh.vertex.positions.numpy(), mesh.triangle.indices.numpy().astype(np.int64), colours)
+        triangles = mesh.triangle.indices.numpy().astype(np.int64)
+        return _in_order(mesh.vertex.positions.numpy(), triangles, colours)
 
     def _seen(
         self,
