@@ -127,7 +127,7 @@ def one(
     differing = _differing(run.result(whole), expected)
     if differing and (run.looks_finished(whole) or code == 0) and not (code == 0 and "note:" in said):
         return f"looks finished (exit code {code}) and differs in {differing}"
-    if code == 0 and (run.once or not differing):
+    if code == 0 and not differing:
         return ""
     return _afterwards(run, whole, injector, before, expected)
 

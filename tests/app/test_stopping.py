@@ -19,6 +19,7 @@ from tiny_run import composed
 
 from col3d.app import fuse as fusing
 from col3d.app.predict import predict
+from col3d.checks import UserError
 from col3d.data.phantom import PhantomSettings, render_phantom
 from col3d.reports.video import VideoWriter
 
@@ -254,8 +255,13 @@ def test_a_full_disk_is_said_of_the_file_of_a_prediction(most: int, kind: str, t
     assert raised.value.filename.endswith(kind)
     assert hidden(tmp_path) == []
     if kind == "mp4":
-        assert json.loads((tmp_path / "out" / "summary.json").read_text())["frames"] == 4
+        facts = json.loads((tmp_path / "out" / "summary.json").read_text())
+        assert (facts["frames"], facts["undone"]) == (4, ["side_by_side.mp4"])
         assert not (tmp_path / "out" / "side_by_side.mp4").exists()
+        predict(composed("predict", *place, "accelerator=cpu", "video=true", "previews=false"))
+        assert (tmp_path / "out" / "side_by_side.mp4").is_file()
+        with pytest.raises(UserError, match="holds a prediction already"):
+            predict(composed("predict", *place, "accelerator=cpu", "video=true", "previews=false"))
 
 
 @pytest.mark.parametrize("name", ["model.ckpt", "model.pt2", "model.onnx"])
