@@ -272,7 +272,7 @@ def _checked_room(path: Path, options: PredictOptions, source: ImageSource) -> O
     owned = Owned(path, "prediction", "output")
     for part in PARTS:
         ours = any(name.split("/")[0] == part for name in owned.names)
-        if (path / part).exists() and not ours:
+        if (path / part).exists() and not ours and not _is_empty_folder(path / part):
             raise UserError(
                 f"output: {path} holds {part}, which is of no prediction of this program; name another folder"
             )
@@ -283,6 +283,11 @@ def _checked_room(path: Path, options: PredictOptions, source: ImageSource) -> O
     if ended and not options.overwrite:  # early or not
         raise UserError(f"output: {path} holds a prediction already; name another folder or overwrite=true")
     return owned
+
+
+def _is_empty_folder(path: Path) -> bool:
+    """Such as a prediction leaves whose disk was full before its first frame."""
+    return path.is_dir() and not path.is_symlink() and not any(path.iterdir())
 
 
 def _is_lacking(summary: Path) -> bool:
