@@ -245,7 +245,7 @@ def test_a_disk_that_is_full_for_a_moment_makes_no_video(tmp_path: Path) -> None
 
 
 @pytest.mark.usefixtures("capsys")  # what is printed goes to no file, which would be full, too
-@pytest.mark.parametrize(("most", "kind"), [(100, "predictions.csv"), (2000, "tiff"), (30_000, "mp4")])
+@pytest.mark.parametrize(("most", "kind"), [(100, ".col3d_prediction"), (2000, "tiff"), (30_000, "mp4")])
 def test_a_full_disk_is_said_of_the_file_of_a_prediction(most: int, kind: str, tmp_path: Path) -> None:
     (tmp_path / "in").mkdir()
     for number in range(4):
