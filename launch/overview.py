@@ -16,6 +16,7 @@ from omegaconf import DictConfig, OmegaConf, read_write
 from omegaconf.errors import OmegaConfBaseException
 
 from col3d.app.provenance import command
+from col3d.app.replacing import begin
 from col3d.checks import UserError
 from col3d.reports.jobs import add_to_plan
 from launch.files import CONF
@@ -35,26 +36,33 @@ ALLOWED = (
 )
 
 
-def look_over(config_name: str, arguments: Sequence[str]) -> None:
+def look_over(config_name: str, arguments: Sequence[str]) -> Path | None:
     """Refuse what must not be built, and write the jobs of a sweep into its folder for the ledger.
 
     What cannot be composed is left to Hydra's own run, which says why.
+
+    Returns:
+        The folder of a sweep that overwrites its runs; see `col3d.app.replacing`.
 
     Raises:
         UserError: a file of the configuration, or the command line, asks for something else to be built.
     """
     given = get_args_parser().parse_args(arguments)
     if given.help or given.hydra_help or given.cfg or given.info or given.shell_completion:
-        return
+        return None
     try:
         overrides = OverridesParser.create().parse_overrides(given.overrides)
         config = _composed(given.config_name or config_name, given.config_dir, overrides)
     except (HydraException, OmegaConfBaseException, UserError):
-        return
+        return None
     check_targets(config)
     if "LOCAL_RANK" not in os.environ and (given.multirun or config.hydra.mode == RunMode.MULTIRUN):
-        _plan(config.hydra, overrides)
+        names = _plan(config.hydra, overrides)
         take_up(config.hydra)
+        if names and config.get("overwrite") is True:
+            begin(Path(config.hydra.sweep.dir), names, "hydra.sweep.dir")
+            return Path(config.hydra.sweep.dir)
+    return None
 
 
 def check_targets(config: DictConfig) -> None:
@@ -97,10 +105,10 @@ def _first(override: Override) -> str:
     return str(override.input_line)
 
 
-def _plan(hydra: DictConfig, overrides: Sequence[Override]) -> None:
+def _plan(hydra: DictConfig, overrides: Sequence[Override]) -> list[str]:
     """Write which folders the jobs of a sweep will have; a sweeper that chooses as it goes has no plan."""
     if not str(hydra.sweeper._target_).endswith(".BasicSweeper"):
-        return
+        return []
     parser, naming = OverridesParser.create(), hydra.job.config.override_dirname
     given = [override for override in overrides if not _is_hydras(override)]
     jobs = {}
@@ -111,6 +119,7 @@ def _plan(hydra: DictConfig, overrides: Sequence[Override]) -> None:
             )
             jobs[str(hydra.sweep.subdir)] = job
     add_to_plan(Path(hydra.sweep.dir), jobs, command())
+    return list(jobs)
 
 
 def _is_hydras(override: Override) -> bool:

@@ -20,6 +20,7 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, read_write
 from omegaconf.errors import OmegaConfBaseException
 
+from col3d.app.replacing import end
 from col3d.checks import DataError, TakenError, UserError
 from col3d.owned import Owned
 from col3d.reports.jobs import STATUS, TRAINING, read_plain
@@ -73,8 +74,10 @@ def launch(config_name: str, run: Run) -> None:
             refuse(explain(error, config_name))
 
     try:
-        look_over(config_name, sys.argv[1:])
+        sweep = look_over(config_name, sys.argv[1:])
         hydra_main(version_base="1.3", config_path=str(CONF), config_name=config_name)(job)()
+        if sweep is not None:
+            end(sweep)
     except (HydraException, OmegaConfBaseException, *BAD_INPUT) as error:
         refuse(explain(error, config_name))
     except KeyboardInterrupt:  # before a program of ours listens to it

@@ -6,6 +6,7 @@ undisturbed result; and the same command, undisturbed, ends in that result.
 """
 
 import argparse
+import math
 import shutil
 import sys
 import tempfile
@@ -46,6 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--only", nargs="*", default=[run.name for run in RUNS], metavar="COMMAND")
     parser.add_argument("--kinds", nargs="*", default=list(KINDS), choices=KINDS)
     parser.add_argument("--most", type=int, metavar="N", help="of each kind, N calls spread evenly over all")
+    parser.add_argument("--seconds", type=float, help="of each kind of a command, as many as fit, spread")
     parser.add_argument("--stays", action="store_true", help="all calls of the kind fail from the n-th on")
     options = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory(prefix="injected-") as temporary:
@@ -74,11 +76,15 @@ def tried(run: SmallRun, start: Path, place: Path, injector: Injector, options: 
         raise SystemExit(f"{run.name} failed without a fault: {said}")
     expected, tally.calls = run.result(whole), {kind: calls[kind] for kind in options.kinds}
     for kind in options.kinds:
-        for n in _spread(calls[kind], options.most):
+        end = math.inf if options.seconds is None else time.monotonic() + options.seconds
+        for n in _in_spread_order(_spread(calls[kind], options.most)):
+            if time.monotonic() > end:
+                break
             tally.made[kind] += 1
             fault = one(run, start, whole, injector, kind, n, options.stays, expected, tally)
             if fault:
                 tally.broken.append(f"{kind} {n}: {fault}")
+                print(f"{run.name}: {tally.broken[-1]}", file=sys.stderr, flush=True)
     return tally
 
 
@@ -86,7 +92,15 @@ def _spread(calls: int, most: int | None) -> list[int]:
     """Which calls fail: all, or so many, the first and the last among them."""
     if most is None or calls <= most:
         return list(range(1, calls + 1))
+    if most == 1:
+        return [(calls + 1) // 2]
     return sorted({1 + round(i * (calls - 1) / (most - 1)) for i in range(most)})
+
+
+def _in_spread_order(numbers: Sequence[int]) -> list[int]:
+    """The same, so that the first few of them are spread over all (van der Corput's order)."""
+    places = sorted(range(len(numbers)), key=lambda place: int(f"{place:032b}"[::-1], 2))
+    return [numbers[place] for place in places]
 
 
 def one(
@@ -113,7 +127,7 @@ def one(
     differing = _differing(run.result(whole), expected)
     if differing and (run.looks_finished(whole) or code == 0) and not (code == 0 and "note:" in said):
         return f"looks finished (exit code {code}) and differs in {differing}"
-    if code == 0 and (run.once or not differing):
+    if code == 0 and not differing:
         return ""
     return _afterwards(run, whole, injector, before, expected)
 

@@ -67,8 +67,10 @@ class Injector:
     def close(self) -> None:
         """End the process."""
         assert self.process.stdin is not None
+        assert self.process.stdout is not None
         self.process.stdin.close()
         self.process.wait()
+        self.process.stdout.close()
 
 
 def _commands() -> Mapping[str, Callable[[Any], Any]]:

@@ -20,7 +20,7 @@ MINE = "precious"
 """What files of others hold, which lie everywhere."""
 EVALUATED = "trained/predictions_"
 """What an evaluation keeps beside the run that it scores."""
-PREVIEWS = (".png", ".mp4", ".html", ".npz", ".ply")
+PREVIEWS = (".png", ".mp4", ".html", ".npz")
 """Endings of files whose bytes hold the time, are of no weight, or differ from run to run."""
 TIMES = ("seconds",)
 """Columns of tables that differ from run to run."""
@@ -37,7 +37,6 @@ class SmallRun:
         mark: the file in the output by which it looks finished.
         ready: puts there what is to be there first.
         beside: folders of the output where files of others lie.
-        once: whether what has ended is not made again without overwrite=true.
     """
 
     name: str
@@ -46,7 +45,6 @@ class SmallRun:
     mark: str
     ready: Callable[[Path], None] = lambda place: None
     beside: tuple[str, ...] = ("",)
-    once: bool = False
 
     def given(self, place: Path) -> Any:
         """What the command is called with."""
@@ -81,8 +79,9 @@ class SmallRun:
         return found
 
     def looks_finished(self, place: Path) -> bool:
-        """Whether the mark is there."""
-        return (place / self.output / self.mark).is_file()
+        """Whether the mark is there, and says of nothing that it is undone."""
+        mark = place / self.output / self.mark
+        return mark.is_file() and not json.loads(mark.read_text()).get("undone")
 
 
 def _files(place: Path) -> list[tuple[str, Path]]:
@@ -111,7 +110,7 @@ def _weights(path: Path) -> bytes:
 
 def _facts(path: Path) -> bytes:
     content = json.loads(path.read_text())
-    return json.dumps([content.get(key) for key in ("metrics", "best", "frames")]).encode()
+    return json.dumps([content.get(key) for key in ("metrics", "best", "frames", "comparisons")]).encode()
 
 
 def _rows(path: Path) -> bytes:
@@ -170,7 +169,7 @@ def _export(place: Path) -> dict[str, Any]:
 
 def _fuse(place: Path) -> dict[str, Any]:
     folders = (f"video={place / 'frames' / 'desc_t4_a'}", f"output={place / 'fused'}")
-    return _of_weights("fuse", place, *folders)
+    return _of_weights("fuse", place, *folders, "voxel=2")
 
 
 def _report(place: Path) -> list[str]:
@@ -181,9 +180,9 @@ RUNS = (
     SmallRun("train", _train, "run", "result.json", beside=("", "panels")),
     SmallRun("prepare", _prepare, "prepared", "store/desc_t4_a_s1/index.json", beside=()),
     SmallRun("evaluate", _evaluate, "scored", "summary.json", beside=("", "panels")),
-    SmallRun("predict", _predict, "predicted", "summary.json", once=True),
+    SmallRun("predict", _predict, "predicted", "summary.json"),
     SmallRun("export", _export, "exported", "none", _exported_before),
-    SmallRun("fuse", _fuse, "fused", "fusion.json", once=True),
+    SmallRun("fuse", _fuse, "fused", "fusion.json"),
     SmallRun("report", _report, "paper", "none", beside=("", "tables", "figures")),
 )
 

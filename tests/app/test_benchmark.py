@@ -1,15 +1,21 @@
 """The paper's experiments as jobs, each run once, and their report."""
 
 import json
+import secrets
+import signal
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from test_launch import PROJECT, call
 from tiny_run import SMALL, TINY, composed
 
+from col3d.app import benchmark as running
 from col3d.app.benchmark import Job, distinct, make_job, run_benchmark
+from col3d.app.identity import hash_of
+from col3d.callbacks import Stopped
 from col3d.checks import UserError
 from launch import sweep_of
 
@@ -87,6 +93,46 @@ def test_jobs_are_run_once_and_reported_and_one_that_fails_is_named(
     run_benchmark(jobs[:1], PROJECT / "train.py", output, parallel=2)
     assert "1 runs, 1 of them finished before" in capfd.readouterr().out
     assert (output / "runs" / "bts" / "log.txt").stat().st_mtime_ns == before
+
+
+@pytest.mark.filterwarnings("ignore:.*pin_memory.*")
+def test_finished_runs_are_overwritten_once(
+    phantom_root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(running, "keep_truth", lambda *_: None)
+    output, trained = tmp_path / "benchmark", list[str]()
+
+    def job(name: str, *overrides: str) -> Job:
+        asked = [*TINY, f"data.root={phantom_root}", "overwrite=true", *overrides]
+        return make_job(asked, composed("train", *asked, f"output_dir={output / 'runs' / name}"))
+
+    def run(job: Job, *_: object) -> str:
+        if len(trained) == stop_at:
+            raise Stopped(signal.SIGTERM)
+        trained.append(job.folder.name)
+        job.folder.mkdir(parents=True, exist_ok=True)
+        facts = {"hash": hash_of(job.options), "run": secrets.token_hex(4), "best": {"loss": 1.0}}
+        (job.folder / "result.json").write_text(json.dumps(facts))
+        return "done"
+
+    monkeypatch.setattr(running, "_run", run)
+    monkeypatch.setattr(running.subprocess, "run", lambda *_, **__: SimpleNamespace(returncode=0))
+    jobs = [job("a", SMALL), job("b", SMALL, "seed=1"), job("c", SMALL, "seed=2")]
+    for stop_at, expected in (
+        (-1, ["a", "b", "c"]),
+        (1, ["a"]),  # stopped within a benchmark that is asked to overwrite all
+        (1, ["b"]),
+        (-1, ["c"]),
+        (-1, ["a", "b", "c"]),
+    ):
+        trained.clear()
+        if stop_at < 0:
+            run_benchmark(jobs, PROJECT / "train.py", output, parallel=1)
+        else:
+            with pytest.raises(SystemExit):
+                run_benchmark(jobs, PROJECT / "train.py", output, parallel=1)
+        assert trained == expected
+    assert not (output / "runs" / ".overwrite.json").exists()
 
 
 def test_bad_input_is_one_line(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 import shutil
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -9,14 +10,18 @@ import pytest
 from tiny_run import composed
 
 from col3d.app.evaluate import evaluate
+from col3d.app.export import export
 from col3d.app.predict import predict
+from col3d.app.prepare import prepare
 from col3d.app.run_folder import FILES
 from col3d.app.train import train
-from col3d.checks import UserError
+from col3d.app.verify import verify
+from col3d.checks import DataError, UserError
 from col3d.owned import Owned
 from col3d.reports.__main__ import main as report
 from tests.reports.fake_runs import write_run
 
+VIDEOS = ("desc_t4_a_s1",)
 Compose = Callable[..., dict[str, Any]]
 
 
@@ -140,6 +145,7 @@ def test_a_prediction_replaces_no_file_of_others_and_no_input(
         options = (f"checkpoint={tiny_checkpoint}", "accelerator=cpu", "previews=true", "video=true")
         predict(composed("predict", *options, f"input={given}", f"output={out}", *overrides))
 
+    (out / "frames").mkdir(parents=True)  # as of a prediction whose disk was full before its first frame
     predicted(phantom_root / "desc_t4_a")
     mine = [put(out / name) for name in ("frames/mine_depth.tiff", "previews/mine.png", "mine.csv")]
     before = kept(out)
@@ -156,6 +162,58 @@ def test_a_prediction_replaces_no_file_of_others_and_no_input(
     predicted(phantom_root / "trans_t1_a", "overwrite=true", "files=false")
     assert all(path.read_text() == "precious" for path in mine)
     assert not (out / "frames" / "0000_depth.tiff").exists()
+
+
+def test_a_verification_replaces_no_file_of_others(rendered: Path, tmp_path: Path) -> None:
+    options = ("data=phantom", "phantom.size=[64,80]", "phantom.frames_per_video=3", "data/split=custom")
+    parts = [f"data.split.{part}=[desc_t4_a]" for part in ("train", "val", "test")]
+
+    def verified(out: Path) -> None:
+        place = (f"data.root={rendered.parent}", f"output={out}", "workers=1", "data.allow_missing=true")
+        with suppress(SystemExit):  # three frames are fewer than a video should have
+            verify(composed("verify", *options, *parts, *place))
+        assert (out / "verify.html").is_file()
+
+    for name in ("verify.json", "verify.html"):
+        mine = put(tmp_path / name / name)
+        with pytest.raises(UserError, match=rf"^output: {mine.parent} holds {name}"):
+            verified(mine.parent)
+        assert mine.read_text() == "precious"
+    beside = put(tmp_path / "out" / "mine.html")
+    for _ in range(2):
+        verified(tmp_path / "out")
+    (tmp_path / "out" / ".col3d_verification").unlink()  # as of before there were lists
+    verified(tmp_path / "out")
+    assert beside.read_text() == "precious"
+
+
+def test_what_was_put_into_a_video_is_never_lost(tmp_path: Path) -> None:
+    root, store = tmp_path / "frames", tmp_path / "store"
+    parts = [f"data.split.{part}=[{video}]" for part in ("train", "val", "test") for video in VIDEOS[:1]]
+    sizes = ("data.size=[64,80]", "phantom.size=[64,80]", "phantom.frames_per_video=2", "workers=1")
+    given = composed(
+        *("prepare", "data/split=custom", *parts, *sizes, f"data.root={root}", f"prepare.out={store}")
+    )
+    prepare(given)
+    damaged = root / VIDEOS[0] / "0001_depth.tiff"
+    for video, spoiled in ((root / VIDEOS[0], damaged), (store / VIDEOS[0], store / VIDEOS[0] / "mask.npy")):
+        mine = put(video / "mine.csv")
+        prepare(given)  # nothing is made anew
+        spoiled.unlink()
+        before = kept(tmp_path)
+        with pytest.raises(DataError, match=rf"^{video} holds mine\.csv"):
+            prepare(given)
+        assert kept(tmp_path) == before
+        mine.unlink()
+        prepare(given)
+        assert spoiled.is_file()
+
+
+def test_an_export_replaces_no_input(tiny_checkpoint: Path, tmp_path: Path) -> None:
+    for ending in ("ckpt", "pt2", "onnx"):
+        checkpoint = Path(shutil.copy(tiny_checkpoint, tmp_path / f"weights.{ending}"))
+        with pytest.raises(UserError, match=f"^output: {checkpoint} is the checkpoint itself"):
+            export(composed("export", f"checkpoint={checkpoint}", f"output={checkpoint}", "overwrite=true"))
 
 
 def test_a_list_owns_nothing_outside_its_folder(tmp_path: Path) -> None:

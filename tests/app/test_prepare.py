@@ -231,7 +231,7 @@ def test_too_little_space_is_said_before_work_starts(root: Path, tmp_path: Path,
 def test_broken_files_are_listed_and_the_rest_is_prepared(
     root: Path, tmp_path: Path, monkeypatch: Any
 ) -> None:
-    monkeypatch.setattr(preparing, "render_phantom", lambda *_, **__: None)  # it would mend them
+    monkeypatch.setattr(preparing, "render_missing", lambda *_, **__: None)  # it would mend them
     broken = [root / "cecum_t1_a" / "0001_color.png", root / "desc_t4_a" / "0000_depth.tiff"]
     store = tmp_path / "store"
     for path in broken:

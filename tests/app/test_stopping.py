@@ -19,6 +19,7 @@ from tiny_run import composed
 
 from col3d.app import fuse as fusing
 from col3d.app.predict import predict
+from col3d.checks import UserError
 from col3d.data.phantom import PhantomSettings, render_phantom
 from col3d.reports.video import VideoWriter
 
@@ -29,9 +30,12 @@ FRAMES = 2000
 
 
 def stopped(
-    program: str, *overrides: str, cwd: Path, signum: int, ready: Callable[[], bool]
+    program: str, *overrides: str, cwd: Path, signum: int, ready: Callable[[], bool] | signal.Signals
 ) -> tuple[int, str, str]:
-    """Exit code and outputs of a program that a signal is sent to as soon as it is so far."""
+    """Exit code and outputs of a program that a signal is sent to as soon as it is so far.
+
+    Where `ready` is a signal: as soon as it has a handler for that one.
+    """
     process = subprocess.Popen(
         [sys.executable, str(PROJECT / program), *overrides],
         cwd=cwd,
@@ -41,13 +45,19 @@ def stopped(
         text=True,
     )
     end = time.monotonic() + SECONDS
-    while not ready():
+    while not (_listens(process.pid, ready) if isinstance(ready, signal.Signals) else ready()):
         assert process.poll() is None, process.communicate()
         assert time.monotonic() < end
         time.sleep(0.02)
     process.send_signal(signum)
     said, complained = process.communicate(timeout=SECONDS)
     return process.returncode, said, complained
+
+
+def _listens(process: int, signum: signal.Signals) -> bool:
+    lines = Path(f"/proc/{process}/status").read_text().splitlines()
+    caught = next(line.split()[1] for line in lines if line.startswith("SigCgt:"))
+    return bool(int(caught, 16) >> (signum - 1) & 1)
 
 
 def hidden(folder: Path) -> list[str]:
@@ -125,6 +135,58 @@ def test_a_preparation_that_is_stopped_goes_on(signum: int, workers: int, tmp_pa
 
 
 @pytest.mark.parametrize("signum", CODES)
+def test_an_evaluation_that_is_stopped_goes_on(signum: int, tmp_path: Path) -> None:
+    given = (
+        *("checkpoint=shipped", "accelerator=cpu", "data=phantom", "data/split=custom", "data.test=null"),
+        *("data.split.train=[]", "data.split.val=[]", "data.split.test=[cecum_t1_a]", "panels=1"),
+        *("phantom.size=[64,80]", "phantom.frames_per_video=60", f"data.root={tmp_path / 'frames'}"),
+        f"output_dir={tmp_path / 'scored'}",
+    )
+    code, said, complained = stopped(
+        "evaluate.py",
+        *given,
+        cwd=tmp_path,
+        signum=signum,
+        ready=lambda: any(tmp_path.rglob("*.npz.partial")),
+    )
+    assert (code, complained) == (CODES[signal.Signals(signum)], "")
+    assert said.splitlines()[-1] == "stopped; tables that are written stay, and the same command goes on"
+    assert hidden(tmp_path) == []
+    assert not list(tmp_path.rglob("summary.json"))
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("signum", CODES)
+def test_a_verification_that_is_stopped_leaves_what_was_there(
+    signum: int, workers: int, phantom_root: Path, tmp_path: Path
+) -> None:
+    root, out = render(phantom_root).parent, tmp_path / "out"
+    code, said, complained = stopped(
+        "verify.py",
+        *("data=phantom", "phantom.size=[64,80]", "phantom.frames_per_video=3", f"data.root={root}"),
+        *(f"output={out}", f"workers={workers}", "data.allow_missing=true"),
+        cwd=tmp_path,
+        signum=signum,
+        ready=signal.SIGHUP,
+    )
+    assert (code, complained) == (CODES[signal.Signals(signum)], "")
+    assert said.splitlines()[-1] == f"stopped; the same command begins anew; nothing new is in {out}"
+    assert not out.exists()
+
+
+PROGRAMS = sorted(path.name for path in PROJECT.glob("*.py"))
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+@pytest.mark.parametrize("signum", [signal.SIGINT, signal.SIGTERM])
+def test_a_program_that_still_imports_ends_in_a_line(program: str, signum: int, tmp_path: Path) -> None:
+    code, said, complained = stopped(program, cwd=tmp_path, signum=signum, ready=signal.SIGTERM)
+    assert (code, complained) == (CODES[signal.Signals(signum)], "")
+    assert said == "stopped before anything began; the same command goes on\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("signum", CODES)
 def test_a_fusion_that_is_stopped_leaves_what_was_there(
     signum: int,
     phantom_root: Path,
@@ -182,7 +244,8 @@ def test_a_disk_that_is_full_for_a_moment_makes_no_video(tmp_path: Path) -> None
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize(("most", "kind"), [(100, "predictions.csv"), (2000, "tiff"), (30_000, "mp4")])
+@pytest.mark.usefixtures("capsys")  # what is printed goes to no file, which would be full, too
+@pytest.mark.parametrize(("most", "kind"), [(100, ".col3d_prediction"), (2000, "tiff"), (30_000, "mp4")])
 def test_a_full_disk_is_said_of_the_file_of_a_prediction(most: int, kind: str, tmp_path: Path) -> None:
     (tmp_path / "in").mkdir()
     for number in range(4):
@@ -193,8 +256,13 @@ def test_a_full_disk_is_said_of_the_file_of_a_prediction(most: int, kind: str, t
     assert raised.value.filename.endswith(kind)
     assert hidden(tmp_path) == []
     if kind == "mp4":
-        assert json.loads((tmp_path / "out" / "summary.json").read_text())["frames"] == 4
+        facts = json.loads((tmp_path / "out" / "summary.json").read_text())
+        assert (facts["frames"], facts["undone"]) == (4, ["side_by_side.mp4"])
         assert not (tmp_path / "out" / "side_by_side.mp4").exists()
+        predict(composed("predict", *place, "accelerator=cpu", "video=true", "previews=false"))
+        assert (tmp_path / "out" / "side_by_side.mp4").is_file()
+        with pytest.raises(UserError, match="holds a prediction already"):
+            predict(composed("predict", *place, "accelerator=cpu", "video=true", "previews=false"))
 
 
 @pytest.mark.parametrize("name", ["model.ckpt", "model.pt2", "model.onnx"])

@@ -37,6 +37,24 @@ def jobs_of(sweep: Path, option: str) -> dict[str, Job]:
     return {value[job.name]: job for job in read_sweep(sweep)}
 
 
+def test_a_sweep_overwrites_each_run_once(root: Path, tmp_path: Path) -> None:
+    sweep = tmp_path / "sweep"
+
+    def run(rates: str, code: int) -> str:
+        given = arguments(root, sweep, "overwrite=true", f"optimizer.lr={rates}")
+        answer = call("train.py", *given, cwd=tmp_path)
+        assert answer.returncode == code, answer.stderr
+        return answer.stdout
+
+    for finished in (0, 1):  # one job fails: the sweep is still to be gone on with
+        said = run("1e-3,1e30", 2)
+        assert said.count("finished before") == finished
+    said = run("1e-3", 0)
+    assert said.count("finished before") == 1
+    assert "epoch 1/1" in run("1e-3", 0)
+    assert not (sweep / ".overwrite.json").exists()
+
+
 def test_two_processes_share_a_sweep_and_a_third_has_nothing_to_do(
     root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

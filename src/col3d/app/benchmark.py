@@ -16,9 +16,10 @@ from col3d.app.config import TrainOptions
 from col3d.app.errors import check_options
 from col3d.app.frames import data_module, settled
 from col3d.app.provenance import command
+from col3d.app.replacing import begin, end
 from col3d.app.run_folder import RunFolder
+from col3d.app.stopping import stoppable
 from col3d.app.truth import keep_truth
-from col3d.callbacks import StopSignals
 from col3d.checks import UserError
 from col3d.owned import Owned
 from col3d.reports.jobs import add_to_plan, is_locked, read_job
@@ -70,12 +71,14 @@ def run_benchmark(jobs: Sequence[Job], train: Path, output: Path, parallel: int 
     """
     jobs = distinct(jobs)
     add_to_plan(output / "runs", {job.folder.name: job.overrides for job in jobs}, command())
+    if jobs[0].options.overwrite:
+        begin(output / "runs", [job.folder.name for job in jobs], "benchmark.output")
     waiting = [job for job in jobs if not RunFolder(job.options).finished]
     print(f"{len(jobs)} runs, {len(jobs) - len(waiting)} of them finished before", flush=True)
     if waiting:  # rendered once, before several jobs want it
         first = jobs[0].options
         data_module(first.data, first.phantom, first.seed)
-    with StopSignals():
+    with stoppable("finished runs stay, and the same command goes on"):
         _run_all(waiting, train, parallel or (1 if torch.cuda.is_available() else 2))
     states = [(job, read_job(job.folder).state) for job in jobs]
     failed = [job for job, state in states if state not in ("done", "running")]
@@ -91,6 +94,7 @@ def run_benchmark(jobs: Sequence[Job], train: Path, output: Path, parallel: int 
         raise UserError(f"the runs are there; their report in {output / 'report'} is not, as said above")
     if failed:
         raise UserError("\n".join(f"failed: {job.folder}: {_last_line(job)}" for job in failed))
+    end(output / "runs")
 
 
 def _run_all(jobs: Sequence[Job], train: Path, parallel: int) -> None:

@@ -18,12 +18,13 @@ from col3d.app.frames import full_frames, sized_frames
 from col3d.app.learnt import SHIPPED, located
 from col3d.app.machine import check_accelerator, make_trainer, quiet
 from col3d.app.results import Results, facts_of
+from col3d.app.stopping import stoppable
 from col3d.app.subject import Subject, subject_of
 from col3d.app.truth_check import has_truth
 from col3d.batch import Batch, Prediction
-from col3d.callbacks import SavePredictions
+from col3d.callbacks import SavePredictions, StopSignals
 from col3d.checks import UserError
-from col3d.data.datamodule import FrameDataModule, Frames
+from col3d.data.datamodule import FrameDataModule, Frames, heed_parent_alone
 from col3d.data.sized import SizedFrames, WithMixedTruth
 from col3d.owned import Owned
 from col3d.reports.predictions import StoredPredictions, owned_predictions, read_facts
@@ -46,6 +47,11 @@ def evaluate(given: Mapping[str, Any]) -> None:
     quiet()
     options = check_options(EvaluateOptions, given)
     check_accelerator(options.accelerator)
+    with stoppable("tables that are written stay, and the same command goes on") as stop:
+        _evaluate(options, stop)
+
+
+def _evaluate(options: EvaluateOptions, stop: StopSignals) -> None:
     subject = subject_of(options)
     frames = sized_frames(subject.data, subject.phantom, options.split, subject.data.size)
     subject.scored.print_audit()
@@ -53,13 +59,16 @@ def evaluate(given: Mapping[str, Any]) -> None:
         owned = Owned(_folder(options, name), KIND, "output_dir")
         owned.check(FILES)
     for name, protocol in options.protocol.items():
+        stop.release()
         _check_truth(subject, frames, name, protocol, options)
         stored = _predicted(subject, frames, protocol.mirror, options)
         facts = facts_of(subject.name, subject.seed, subject.scored, name)
         folder, lengths = _folder(options, name), {str(options.split): len(frames)}
         results = Results(facts, folder, KIND, subject.scored, lengths, options.panels, protocol.average)
-        Owned(folder, KIND, "output_dir").claim(*FILES)
         _score(stored, frames, name, protocol, subject, results)
+        stop.hold()  # for seconds, after which all files of this protocol are there
+        Owned(folder, KIND, "output_dir").claim(*FILES)
+        results.table.save()
         summary = results.write(subject.task, Path(options.checkpoint), {})
         decorations = Decorations("the result stands; the same command makes it again")
         with decorations.one("panels"):
@@ -68,6 +77,7 @@ def evaluate(given: Mapping[str, Any]) -> None:
         with decorations.one(PAGE):
             write_run_page(folder)
         results.show(summary, Path(options.checkpoint))
+    stop.asked = None  # a signal that came too late for anything to be lost by it
 
 
 def _check_truth(
@@ -131,14 +141,17 @@ def _score(
     truth = _truth(frames, options, subject, str(results.facts["split"]))
     protocol, mean = build.protocol(name, options), subject.task.mean_depth
     results.panels.choose(len(frames))
-    for batch in DataLoader(truth, batch_size=1, num_workers=subject.data.workers):
+    workers = subject.data.workers
+    loader = DataLoader(
+        truth, batch_size=1, num_workers=workers, worker_init_fn=heed_parent_alone if workers else None
+    )
+    for batch in loader:
         prediction = _read(stored, batch)
         values = protocol.score(prediction, batch)
         baseline = {} if mean is None else protocol.score({"depth": mean.expand_as(batch["depth"])}, batch)
         results.table.add(batch, values, baseline)
         if not native:
             results.panels.keep(batch, prediction, values)
-    results.table.save()
 
 
 def _truth(frames: SizedFrames, options: ProtocolOptions, subject: Subject, part: str) -> Frames:

@@ -48,7 +48,7 @@ def export(given: Mapping[str, Any]) -> None:
     quiet()
     options = check_options(ExportOptions, given)
     path = Path(options.output)
-    _check(path, options.overwrite)
+    _check(path, options)
     with stoppable(f"nothing was written to {path}, and the same command begins anew") as stop:
         if path.suffix == WEIGHTS:
             _export_weights(options, path, stop)
@@ -74,21 +74,21 @@ def _check_output(subject: Learnt) -> None:
 
 
 def _export_weights(options: ExportOptions, path: Path, stop: StopSignals) -> None:
-    if path.resolve() == located(Path(options.checkpoint)).resolve():
-        raise UserError(f"output: {path} is the checkpoint itself, which holds more than its network")
     with _in_place(path, stop) as partial:
         difference = write_weights(Path(options.checkpoint), partial)
     print(f"wrote {path}, {path.stat().st_size / 1e6:.1f} MB: the network alone, to predict with")
     print(f"largest difference from the checkpoint: {difference:.1e} of the depth, or in a normal")
 
 
-def _check(path: Path, overwrite: bool) -> None:
-    """Refuse what would fail after minutes of work."""
+def _check(path: Path, options: ExportOptions) -> None:
+    """Refuse what would fail after minutes of work, and to replace what is read."""
+    if path.resolve() == located(Path(options.checkpoint)).resolve():
+        raise UserError(f"output: {path} is the checkpoint itself, which holds more than its network")
     if path.suffix == ".onnx" and not all(importlib.util.find_spec(name) for name in EXTRA):
         raise UserError("export: needs pip install -e '.[onnx]'")
     if path.is_dir():
         raise UserError(f"output: {path} is a folder")
-    if path.exists() and not overwrite:
+    if path.exists() and not options.overwrite:
         raise UserError(f"output: {path} is there already; give overwrite=true to replace it")
 
 

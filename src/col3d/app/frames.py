@@ -13,6 +13,8 @@ from col3d.data.datamodule import FrameDataModule, Frames
 from col3d.data.folder import FolderFrames
 from col3d.data.frames import FrameSet
 from col3d.data.phantom import PARTS, PhantomSettings, phantom_camera, render_phantom
+from col3d.data.phantom.write import MANIFEST, video_is_complete
+from col3d.data.processes import check_replaceable
 from col3d.data.simcol3d import SimCol3D
 from col3d.data.sized import Joined, Resized, SizedFrames, WithMixedTruth
 from col3d.data.splits import SPLITS, check_counts, check_end, expand, parse_selection
@@ -99,9 +101,21 @@ def entries_of(source: SourceOptions, phantom: PhantomOptions, part: str) -> lis
         for selection in chosen:
             check_end(selection, phantom.frames_per_video - 1)
         videos = sorted({selection.video for selection in chosen})
-        render_phantom(Path(source.root), phantom_settings(source, phantom, videos))
+        render_missing(Path(source.root), phantom_settings(source, phantom, videos))
         return _at_hand(source, part, named, videos)
     return _at_hand(source, part, named, _videos_at_hand(source, phantom))
+
+
+def render_missing(root: Path, settings: PhantomSettings, workers: int | None = None) -> None:
+    """Render what a phantom lacks, once it is known that nothing of others is in the way of any video.
+
+    Raises:
+        DataError: names the folder that holds something else, and what.
+    """
+    for video in settings.videos:
+        if (root / video / MANIFEST).is_file() and not video_is_complete(root / video, settings):
+            check_replaceable(root / video)
+    render_phantom(root, settings, workers)
 
 
 def full_frames(source: SourceOptions, phantom: PhantomOptions, part: str) -> FrameSet:

@@ -2,8 +2,10 @@
 
 import csv
 import io
+import json
 from collections import deque
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Any
@@ -212,10 +214,13 @@ class PredictionFolder:
         if not self.written:
             return
         flicker = float(np.mean(self.flicker)) if self.flicker else None
+        decorations = Decorations("the rest is there; the same command makes all of it again")
         if self.is_series:
-            with Decorations("the rest is there; overwrite=true makes all of it again").one(CHART):
+            with decorations.one(CHART):
                 draw_over_time(self.path / TABLE, self.path / CHART)
-        write_json(self.path / SUMMARY, self._summary(stopped, flicker))  # says that all is there
+        undone = [*decorations.undone, *([VIDEO] if self.video_fault is not None else [])]
+        facts = {**self._summary(stopped, flicker), "undone": undone}
+        write_json(self.path / SUMMARY, facts)  # says that all is there but what is undone
         for fault in self.faults[:MOST_FAULTS]:
             print(f"skipped: {fault}", flush=True)
         if len(self.faults) > MOST_FAULTS:
@@ -267,13 +272,26 @@ def _checked_room(path: Path, options: PredictOptions, source: ImageSource) -> O
     owned = Owned(path, "prediction", "output")
     for part in PARTS:
         ours = any(name.split("/")[0] == part for name in owned.names)
-        if (path / part).exists() and not ours:
+        if (path / part).exists() and not ours and not _is_empty_folder(path / part):
             raise UserError(
                 f"output: {path} holds {part}, which is of no prediction of this program; name another folder"
             )
     written = {(path / name).resolve() for name in owned.there()}
     if any(file.resolve() in written for file in source.paths):
         raise UserError(f"output: {path} holds the input, {options.input}; name another folder")
-    if (path / SUMMARY).resolve() in written and not options.overwrite:  # one that ended, early or not
+    ended = (path / SUMMARY).resolve() in written and not _is_lacking(path / SUMMARY)
+    if ended and not options.overwrite:  # early or not
         raise UserError(f"output: {path} holds a prediction already; name another folder or overwrite=true")
     return owned
+
+
+def _is_empty_folder(path: Path) -> bool:
+    """Such as a prediction leaves whose disk was full before its first frame."""
+    return path.is_dir() and not path.is_symlink() and not any(path.iterdir())
+
+
+def _is_lacking(summary: Path) -> bool:
+    """Whether an earlier prediction says that something of it could not be made."""
+    with suppress(OSError, ValueError, AttributeError):
+        return bool(json.loads(summary.read_text(encoding="utf-8")).get("undone"))
+    return False

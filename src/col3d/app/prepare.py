@@ -10,13 +10,12 @@ import torch
 
 from col3d.app.config import PhantomOptions, PrepareOptions, SourceOptions
 from col3d.app.errors import check_options
-from col3d.app.frames import frame_set, other_folder_names, phantom_settings
+from col3d.app.frames import frame_set, other_folder_names, phantom_settings, render_missing
 from col3d.app.stopping import stoppable
 from col3d.app.stores import beside, recipe_of, remember
 from col3d.checks import DataError, UserError
 from col3d.data.frames import FrameSet
-from col3d.data.phantom import render_phantom
-from col3d.data.processes import in_processes, remove_stale
+from col3d.data.processes import check_replaceable, in_processes, remove_stale
 from col3d.data.sized import Resized
 from col3d.data.splits import SPLITS, expand, parse_selection
 from col3d.data.store import Recipe, read_video, write_video
@@ -37,7 +36,7 @@ def prepare(given: Mapping[str, Any]) -> None:
     with stoppable("finished videos stay, and the same command goes on"):
         if source.name == "phantom":
             settings = phantom_settings(source, options.phantom, _videos_of(source))
-            render_phantom(Path(source.root), settings, workers=options.workers)
+            render_missing(Path(source.root), settings, options.workers)
             print(f"phantom ready: {source.root}, {len(settings.videos)} videos", flush=True)
         frames = frame_set(source, options.phantom, [])
         recipe = recipe_of(source, frames, size_hw)
@@ -72,6 +71,8 @@ def _prepare(
     _check_place(store, Path(source.root), recipe, list(counts))
     remove_stale(store)
     missing = [video for video in counts if not _is_prepared(store, frames, video, recipe)]
+    for video in missing:
+        check_replaceable(store / video)
     _check_space(store, recipe, sum(counts[video] for video in missing))
     jobs = [(store, source, phantom, video, recipe) for video in missing]
     total = sum(counts[video] for video in missing)

@@ -10,6 +10,7 @@ from col3d.app.checkpoints import DamagedError, read_checkpoint, run_of
 from col3d.app.config import TrainOptions
 from col3d.app.identity import differing, hash_of
 from col3d.app.metrics_file import ROWS
+from col3d.app.replacing import is_replaced
 from col3d.app.starts import STARTS, Start, Starts
 from col3d.callbacks import BestCheckpoint
 from col3d.checks import UserError
@@ -123,7 +124,8 @@ class RunFolder:
 
     def _look(self) -> None:
         result = read_plain(self.path / RESULT)
-        if _is_result(result) and result["hash"] == hash_of(self.options) and not self.options.overwrite:
+        stays = not self.options.overwrite or is_replaced(self.path)
+        if _is_result(result) and result["hash"] == hash_of(self.options) and stays:
             self.finished = result
             return
         checkpoint, content = (None, {}) if result else self._last_checkpoint()

@@ -10,6 +10,7 @@ from col3d.data.frames import FrameSet
 from col3d.data.splits import check_end, selection_of_any_video
 from col3d.data.store import Recipe, Stored, StoredVideo, read_video
 from col3d.data.videos import frames_of
+from col3d.whole import write_whole
 
 KNOWN = ".col3d_stores.json"
 """In the root of a data set: where its frames were prepared, other than beside it."""
@@ -32,7 +33,7 @@ def remember(root: Path, store: Path) -> bool:
     try:
         known = [str(path) for path in remembered(root)]
         if str(store) not in known:
-            (root / KNOWN).write_text(json.dumps([*known, str(store)], indent=1) + "\n", encoding="utf-8")
+            write_whole(root / KNOWN, json.dumps([*known, str(store)], indent=1) + "\n")
     except OSError:
         return False
     return True

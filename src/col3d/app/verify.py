@@ -13,7 +13,9 @@ from typing import Any
 from col3d.app.config import PhantomOptions, SourceOptions, VerifyOptions
 from col3d.app.errors import check_options
 from col3d.app.frames import frame_set, other_folder_names
+from col3d.app.stopping import stoppable
 from col3d.app.stores import remembered
+from col3d.callbacks import StopSignals
 from col3d.checks import DataError, UserError
 from col3d.data.frames import Frame, FrameSet
 from col3d.data.phantom.write import read_manifest
@@ -38,10 +40,13 @@ from col3d.data.verify import (
 )
 from col3d.data.verify.stores import check_store, stores_beside
 from col3d.data.videos import catalogue, frames_of
+from col3d.owned import Owned
+from col3d.reports.jobs import read_plain
 from col3d.reports.summary import write_json
 from col3d.reports.verification import Picture, print_verification, write_page
 
-INTERRUPTED, FAULTY = 130, 1
+FAULTY = 1
+FACTS, PAGE = "verify.json", "verify.html"
 RANKING_SHOWN = 6
 BROKEN_WIDTH, HEALTHY_WIDTH = 200, 110
 """Pixels of one map of a frame on the page."""
@@ -54,18 +59,16 @@ def verify(given: Mapping[str, Any]) -> None:
         UserError: an option breaks a rule, or there is nothing to check.
     """
     options = check_options(VerifyOptions, given)
-    try:
-        faults = _verify(options)
-    except KeyboardInterrupt:
-        print("stopped", flush=True)
-        sys.exit(INTERRUPTED)
+    with stoppable(f"the same command begins anew; nothing new is in {options.output}") as stop:
+        faults = _verify(options, stop)
     if faults:
         sys.exit(FAULTY)
 
 
-def _verify(options: VerifyOptions) -> int:
+def _verify(options: VerifyOptions, stop: StopSignals) -> int:
     """Check, write and print; the number of faults."""
     source, began = options.data, time.monotonic()
+    owned = _checked_room(Path(options.output))
     frames = frame_set(source, options.phantom, [])
     _check_phantom(source, options.phantom, frames.folders)
     findings = _missing(source, frames.folders)
@@ -84,8 +87,22 @@ def _verify(options: VerifyOptions) -> int:
     findings = [*findings, *skipped, *_stores(options), *of_videos]
     facts = _facts(options, videos, every, findings)
     facts["seconds"] = round(time.monotonic() - began, 2)
-    _write(Path(options.output), facts, _pictures(frames, frames_to_show(plans, reports, findings)))
+    pictures = _pictures(frames, frames_to_show(plans, reports, findings))
+    stop.hold()  # for a moment, after which all of it is there
+    _write(owned, facts, pictures)
+    stop.asked = None  # a signal that came too late for anything to be lost by it
     return sum(finding.fault for finding in findings)
+
+
+def _checked_room(folder: Path) -> Owned:
+    """The folder, where nothing of others would be replaced in it."""
+    owned = Owned(folder, "verification", "output")
+    if folder.exists() and not folder.is_dir():
+        raise UserError(f"output: {folder} is a file; name a folder")
+    if {"data", "findings", "videos"} <= read_plain(folder / FACTS).keys():  # of before there was a list
+        owned.adopt(FACTS, PAGE)
+    owned.check([FACTS, PAGE])
+    return owned
 
 
 def _missing(source: SourceOptions, present: Iterable[str]) -> list[Finding]:
@@ -248,9 +265,9 @@ def _pictures(frames: FrameSet, shown: Iterable[tuple[Frame, list[str]]]) -> lis
     return pictures
 
 
-def _write(folder: Path, facts: Mapping[str, Any], pictures: Sequence[Picture]) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
-    write_json(folder / "verify.json", facts)
-    write_page(folder / "verify.html", facts, pictures)
+def _write(owned: Owned, facts: Mapping[str, Any], pictures: Sequence[Picture]) -> None:
+    owned.claim(FACTS, PAGE)
+    write_page(owned.folder / PAGE, facts, pictures)
+    write_json(owned.folder / FACTS, facts)
     print_verification(facts)
-    print(f"written: {folder / 'verify.html'}, {folder / 'verify.json'}", flush=True)
+    print(f"written: {owned.folder / PAGE}, {owned.folder / FACTS}", flush=True)

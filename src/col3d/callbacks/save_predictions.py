@@ -19,6 +19,7 @@ class SavePredictions(Callback):
 
     def __init__(self, folder: Path, facts: Mapping[str, Any]) -> None:
         self.folder, self.facts = folder, facts
+        self.writer: PredictionWriter | None = None
 
     def on_test_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Begin."""
@@ -34,6 +35,7 @@ class SavePredictions(Callback):
         dataloader_idx: int = 0,
     ) -> None:
         """Add the frames of a batch."""
+        assert self.writer is not None
         maps = {
             name: values.movedim(1, -1).float().cpu().numpy()
             for name, values in outputs["prediction"].items()
@@ -44,4 +46,10 @@ class SavePredictions(Callback):
 
     def on_test_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Finish."""
+        assert self.writer is not None
         self.writer.finish()
+
+    def on_exception(self, trainer: Trainer, pl_module: LightningModule, exception: BaseException) -> None:
+        """Leave no file that was begun."""
+        if self.writer is not None:
+            self.writer.give_up()

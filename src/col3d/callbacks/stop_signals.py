@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from types import FrameType, TracebackType
 from typing import Any
 
+from col3d import early
+
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1)
 INTERRUPTED, PREEMPTED = 130, 143
 """Exit codes after Ctrl-C, and after the signals that schedulers send."""
@@ -41,7 +43,7 @@ class StopSignals:
 
     def __enter__(self) -> "StopSignals":
         listened = [signal.SIGUSR2] if callable(signal.getsignal(signal.SIGUSR2)) else []  # submitit does
-        self._before = {number: signal.getsignal(number) for number in (*SIGNALS, *listened)}
+        self._before = {n: early.usual(n, signal.getsignal(n)) for n in (*SIGNALS, *listened)}
         if self._before[signal.SIGHUP] is signal.SIG_IGN:
             del self._before[signal.SIGHUP]
         self._listen()

@@ -1,7 +1,9 @@
 """Work on several videos at a time, with progress, and folders that are there whole or not at all."""
 
+import json
 import multiprocessing
 import os
+import re
 import shutil
 import signal
 import sys
@@ -9,7 +11,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +19,16 @@ import cv2
 import torch
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from col3d.checks import UserError, naming
+from col3d.checks import DataError, UserError, naming
 
 POLL_SECONDS = 0.2
 PARTIAL = ".partial-"
+LISTS = {
+    "phantom.json": r"\d{4,}_(color|occlusion|depth|normals|flow)\.(png|tiff)|pose\.txt|coverage_mesh\.obj",
+    "index.json": r"(image|depth|normals|mask)\.npy",
+}
+"""Files that list what a rendered or a prepared video consists of, and the names of what is ours where a list
+cannot be read."""
 
 _frames_done: Any = None
 """In a worker process: the counter it shares with its parent."""
@@ -83,7 +91,8 @@ def _in_pool(
     context = multiprocessing.get_context("spawn")
     counter = context.Value("q", 0)
     with ProcessPoolExecutor(workers, context, initializer=_start, initargs=(counter,)) as pool:
-        futures: list[Future[Any]] = [pool.submit(_counted, work, job) for job in jobs]
+        with _interrupts_held():
+            futures: list[Future[Any]] = [pool.submit(_counted, work, job) for job in jobs]
         waiting = set(futures)
         try:
             while waiting:
@@ -102,6 +111,16 @@ def _in_pool(
                 ) from None
             raise
         return [future.result() for future in futures]
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Let Ctrl-C wait, and never reach the processes that start meanwhile: their parent ends them."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _start(counter: Any) -> None:
@@ -137,24 +156,80 @@ def _count() -> None:
 
 @contextmanager
 def whole_folder(folder: Path) -> Iterator[Path]:
-    """A folder to fill that takes the place of `folder` when the block ends well, and vanishes otherwise."""
+    """A folder to fill that takes the place of `folder` when the block ends well, and vanishes otherwise.
+
+    Raises:
+        DataError: `folder` holds something that this program did not write; the block does not begin.
+    """
+    check_replaceable(folder)
     partial = folder.parent / f"{PARTIAL}{folder.name}-{os.getpid()}"
     shutil.rmtree(partial, ignore_errors=True)
     partial.mkdir(parents=True)
     try:
         with naming(folder):
             yield partial
-        shutil.rmtree(folder, ignore_errors=True)
+        _remove(folder)
         partial.replace(folder)
     finally:
         shutil.rmtree(partial, ignore_errors=True)
 
 
+def check_replaceable(folder: Path) -> None:
+    """Refuse a video's folder with anything in it that this program did not write.
+
+    Raises:
+        DataError: names the folder and what is in it.
+    """
+    if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
+        raise DataError(f"{folder} is no folder of this program and stays as it is; move it away")
+    if folder.is_dir() and (others := sorted(_names(folder) - set(_written(folder)))):
+        raise DataError(
+            f"{folder} holds {others[0]}, which this program did not write and which stays as it is; move it "
+            "elsewhere, and the same command makes the video anew"
+        )
+
+
+def _written(folder: Path) -> list[str]:
+    """Names of the files of a video that this program wrote, their list last: it goes when they are gone."""
+    for name, pattern in LISTS.items():
+        if (folder / name).is_file():
+            listed = _listed(folder / name)
+            if listed is None:
+                listed = {file for file in _names(folder) if re.fullmatch(pattern, file)}
+            return [*sorted(listed & _names(folder)), name]
+    return []
+
+
+def _names(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()}
+
+
+def _listed(path: Path) -> set[str] | None:
+    """The files that a list names; None where it is cut off or damaged."""
+    with suppress(OSError, ValueError, AttributeError, TypeError):
+        content = json.loads(path.read_text(encoding="utf-8"))
+        files = content["files"] if "files" in content else [f"{name}.npy" for name in content["shards"]]
+        return {str(name) for name in files}
+    return None
+
+
+def _remove(folder: Path) -> None:
+    """Delete what is to be replaced; what others put there since is in the way, and stays."""
+    check_replaceable(folder)
+    if folder.is_dir():
+        for name in _written(folder):
+            (folder / name).unlink()
+        folder.rmdir()
+
+
 def remove_stale(root: Path) -> None:
-    """Delete what interrupted processes left behind; folders of running ones stay."""
+    """Delete what interrupted processes left behind; folders of running ones and of others stay."""
+    names = re.compile("|".join([*LISTS.values(), *map(re.escape, LISTS)]))
     for folder in root.glob(f"{PARTIAL}*-*"):
         process = folder.name.rpartition("-")[2]
-        if process.isdigit() and not _is_running(int(process)):  # others give such names to no process
+        if not process.isdigit() or _is_running(int(process)) or folder.is_symlink() or not folder.is_dir():
+            continue
+        if all(names.fullmatch(name) for name in _names(folder)):
             shutil.rmtree(folder, ignore_errors=True)
 
 

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from col3d import early
 from col3d.app.config import AppOptions
 from col3d.app.errors import check_options
 from col3d.app.learnt import learnt
@@ -49,6 +50,7 @@ def serve(given: Mapping[str, Any]) -> None:
 
     pinhole = options.camera if isinstance(options.camera, list) else []
     camera = PINHOLE if pinhole else str(options.camera or UNKNOWN)
+    early.over()
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda *_: sys.exit(TERMINATED))
     print(f"{network.name} of {checkpoint}: http://{HOST}:{options.port} (Ctrl-C ends it)", flush=True)

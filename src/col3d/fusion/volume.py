@@ -13,7 +13,7 @@ from functools import lru_cache
 import numpy as np
 import open3d
 import torch
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, Float, Int, UInt8
 from open3d import core
 
 from col3d.fusion.surface import Surface
@@ -84,7 +84,8 @@ class Volume:
         if mesh.vertex.positions.shape[0] == 0:
             return Surface(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int64))
         colours = (mesh.vertex.colors.numpy() * 255).round().clip(0, 255).astype(np.uint8)
-        return Surface(mesh.vertex.positions.numpy(), mesh.triangle.indices.numpy().astype(np.int64), colours)
+        triangles = mesh.triangle.indices.numpy().astype(np.int64)
+        return _in_order(mesh.vertex.positions.numpy(), triangles, colours)
 
     def _seen(
         self,
@@ -118,6 +119,19 @@ class Volume:
         tsdf[index] = (tsdf[index] * before + sdf[:, None]) / (before + 1)
         colour[index] = (colour[index] * before + colours) / (before + 1)
         weight[index] = before + 1
+
+
+def _in_order(
+    vertices: Float[np.ndarray, "n 3"], triangles: Int[np.ndarray, "t 3"], colours: UInt8[np.ndarray, "n 3"]
+) -> Surface:
+    """A surface whose numbering depends on where it lies alone, not on which thread of Open3D came first."""
+    order = np.lexsort(vertices.T[::-1])
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    corners = place[triangles]
+    turn = (corners.argmin(axis=1)[:, None] + np.arange(3)) % 3  # the same triangle, its least corner first
+    corners = np.take_along_axis(corners, turn, axis=1)
+    return Surface(vertices[order], corners[np.lexsort(corners.T[::-1])], colours[order])
 
 
 def _projected(camera: Camera, points: Float[torch.Tensor, "n 3"]) -> Float[torch.Tensor, "n 2"]:

@@ -11,7 +11,7 @@ from typing import Any
 
 ABOVE = r"(?:file://)?(?:~[\w.-]*|(?:\.\./)*\.\.)?/(?!/)"
 """How a path begins: at the root, at a home, or above the folder of the command."""
-PLACE = re.compile(rf"(?<![\w.~/]){ABOVE}[^\s'\"`,;:(){{}}\[\]<>|]+")
+PLACE = re.compile(rf"(?<![\w.~/<]){ABOVE}[^\s'\"`,;:(){{}}\[\]<>|]+")
 """Such a path inside a text."""
 UNNAMED = "folder"
 

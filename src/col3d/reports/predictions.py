@@ -12,6 +12,7 @@ has `off_axis`, the angle in degrees between each pixel's ray and the optical ax
 import json
 import zipfile
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -84,6 +85,14 @@ class PredictionWriter:
         self._close()
         self.owned.claim(INDEX)
         write_whole(self.folder / INDEX, json.dumps(self.facts, indent=2) + "\n")
+
+    def give_up(self) -> None:
+        """Remove the file that was begun, after whatever went wrong or was asked to end."""
+        if self.archive is not None:
+            with suppress(OSError, ValueError):  # a disk that is full, an entry that was begun
+                self.archive.close()
+            (self.folder / f"{self.video}.npz.partial").unlink(missing_ok=True)
+            self.archive = None
 
     def _put(self, name: str, values: np.ndarray) -> None:
         assert self.archive is not None

@@ -19,6 +19,7 @@ from rich.table import Table
 from col3d.reports.places import without_places
 from col3d.reports.screen import plain_console
 from col3d.reports.summary import LOG_WIDTH
+from col3d.whole import write_whole
 
 HEADINGS = (
     "video",
@@ -190,7 +191,7 @@ def write_page(path: Path, facts: Mapping[str, Any], pictures: Sequence[Picture]
         broken=[picture for picture in pictures if picture.lines],
         healthy=[picture for picture in pictures if not picture.lines],
     )
-    path.write_text(text, encoding="utf-8")
+    write_whole(path, text)
 
 
 def strip(picture: Picture) -> str:
