@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
 
+from col3d.checks import naming
 from col3d.reports.figures.captions import about_training, sentences
 from col3d.reports.figures.figure import Figure, MissingError, blank, save
 from col3d.reports.figures.material import Material, Method
@@ -49,12 +50,17 @@ def draw(material: Material, out: Path) -> Figure:
 
 
 def curves(run: Run) -> dict[str, Curve]:
-    """Values by epoch of what `metrics.csv` has, by its name."""
+    """Values by epoch of what `metrics.csv` has, by its name; nothing where it is not there or is no table.
+
+    Raises:
+        OSError: it is there, and cannot be read.
+    """
+    path = run.folder / "metrics.csv"
     try:
-        with (run.folder / "metrics.csv").open(newline="", encoding="utf-8") as file:
+        with naming(path), path.open(newline="", encoding="utf-8") as file:
             rows = [row for row in csv.DictReader(file) if row.get("epoch")]
         return {name: curve for name in (*PANELS, *LOSSES) if (curve := _curve(rows, name)) is not None}
-    except (OSError, ValueError):
+    except (FileNotFoundError, ValueError):
         return {}
 
 
