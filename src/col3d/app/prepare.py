@@ -61,11 +61,12 @@ def _prepare(
 ) -> None:
     if names := other_folder_names(frames):
         print(names, flush=True)
-    counts = {video: len(frames.kinds["color"].find(folder)) for video, folder in frames.folders.items()}
-    for video, reason in {v: frames.refusal(v) for v in counts if frames.refusal(v)}.items():
-        print(f"note: left out: {reason}", flush=True)
-        del counts[video]
-    counts = {video: count for video, count in counts.items() if count}
+    counts = {}
+    for video, folder in frames.folders.items():
+        if reason := frames.refusal(video):
+            print(f"note: left out: {reason}", flush=True)
+        elif count := len(frames.kinds["color"].find(folder)):
+            counts[video] = count
     if not counts:
         raise UserError(f"data.root={source.root}: no frames {frames.example} in any folder")
     _check_place(store, Path(source.root), recipe, list(counts))

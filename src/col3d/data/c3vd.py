@@ -160,9 +160,7 @@ class C3VD(FrameSet):
     def _beside(self, index: int, kind: str) -> Path | None:
         """A file of a frame that nothing needs, where it is there."""
         frame = self.frames[index]
-        folder = self.folders[frame.video]
-        path = folder / self.kinds[kind].named(frame.number, folder)
-        return path if path.is_file() else None
+        return self.kinds[kind].at(self.folders[frame.video], frame.number)
 
     def poses(self, video: str) -> Tensor:
         """Camera-to-world matrices of a whole video, (n, 4, 4) float64 in mm; line k belongs to frame k.

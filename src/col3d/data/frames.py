@@ -57,9 +57,14 @@ class Kind:
 
     def named(self, number: int | str, folder: Path | None = None) -> str:
         """The path for a frame, its number padded to four digits; in the layout of a folder, if given."""
-        there = (name for name in (self.name, *self.others) if folder is not None and _some(folder, name))
+        there = (name for name in self.others if folder is not None and (folder / name).parent.is_dir())
         number = number if isinstance(number, str) else f"{number:04d}"
         return next(there, self.name).format(number)
+
+    def at(self, folder: Path, number: int) -> Path | None:
+        """The file of a frame by its padded number, in any layout; None where there is none."""
+        paths = (folder / name.format(f"{number:04d}") for name in (self.name, *self.others))
+        return next((path for path in paths if path.is_file()), None)
 
     def find(self, folder: Path, twice: Callable[[int, str], None] = _refuse) -> dict[int, Path]:
         """Files by frame number, in any layout, whether the number in their name is padded or not.
@@ -88,10 +93,6 @@ def _files(folder: Path, name: str) -> Iterator[tuple[int, Path]]:
     for path in sorted(place.iterdir()) if place.is_dir() else ():
         if match := pattern.fullmatch(path.name):
             yield int(match.group(1)), path
-
-
-def _some(folder: Path, name: str) -> bool:
-    return next(_files(folder, name), None) is not None
 
 
 @dataclass(frozen=True)
