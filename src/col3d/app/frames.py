@@ -190,6 +190,7 @@ def data_module(
 
     sets: dict[str, Frames] = {}
     weights: list[tuple[int, float]] = []
+    sparse = False
     for part in splits:
         source = options.tested if part == "test" else options
         if part == "train":
@@ -198,6 +199,7 @@ def data_module(
             _check_weights(sources, parts)
             weights = [(len(frames), source.weight) for frames, source in zip(parts, sources, strict=True)]
             sets[part] = Joined(parts) if options.also else parts[0]
+            sparse = not all(frames.dense_truth for frames in parts)
         elif part == "test" and test_truth == "mixed":
             sets[part] = WithMixedTruth(full_frames(source, phantom, part), (height, width))
         else:
@@ -206,7 +208,7 @@ def data_module(
         sets,
         batch_size=options.batch_size,
         workers=options.workers,
-        augment=Augment(**options.augment.model_dump()),
+        augment=Augment(**options.augment.model_dump(), sparse=sparse),
         seed=seed,
         weights=weights,
     )

@@ -19,7 +19,15 @@ KNOWN = ".col3d_stores.json"
 def recipe_of(source: SourceOptions, frames: FrameSet, size_hw: tuple[int, int]) -> Recipe:
     """What prepared frames have to be made by."""
     camera = frames.camera.resized(size_hw)
-    return Recipe(source.name, size_hw, source.normals, frames.max_depth, camera, frames.decoding())
+    return Recipe(
+        source.name,
+        size_hw,
+        source.normals,
+        frames.max_depth,
+        camera,
+        frames.decoding(),
+        frames.dense_truth,
+    )
 
 
 def beside(root: str | Path, size_hw: tuple[int, int]) -> Path:

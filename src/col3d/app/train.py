@@ -105,7 +105,9 @@ def _run(options: TrainOptions, folder: RunFolder, stop: StopSignals, status: Jo
     task = build.task(options)
     if options.trainer.compile:
         compile_network(task.network)
-    check_truth(frames.frames, options.data, options.one_protocol[1])
+    learns_normals = options.loss.normals is not None
+    say = print if is_first() else lambda line: None
+    check_truth(frames.frames, options.data, options.one_protocol[1], learns_normals, say)
     scored = Scored.after(options.data, "test")
     if is_first():
         scored.print_audit()

@@ -68,6 +68,7 @@ class C3VD(FrameSet):
     }
     example = "NNNN_color.png with NNNN_depth.tiff, or rgb/NNNN.png with depth/NNNN_depth.tiff"
     max_depth = MAX_DEPTH
+    dense_truth = True
     data: ClassVar[str] = "c3vd"
     """Its name in the table of videos."""
 

@@ -141,6 +141,8 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
     """By video, which release of the data set its files follow."""
     example: ClassVar[str]
     """Two files that a frame needs, as a reader would write them."""
+    dense_truth: ClassVar[bool] = False
+    """Whether depth is known all over the field of view: what is unknown is then its border; see `Resize`."""
 
     def __init__(self, root: str | Path, videos: Sequence[str], camera: Camera, normals: str) -> None:
         self.root, self.camera = Path(root), camera
@@ -217,6 +219,8 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
     def truth(self, index: int, take: Take = everywhere) -> dict[str, Tensor]:
         """Depth (1, h, w) in mm, mask (1, h, w) and normals (3, h, w) where they are asked for.
 
+        The mask is that of depth; normals that are not known are the zero vector.
+
         Args:
             index: of the frame.
             take: which pixels; what is not taken need not be decoded.
@@ -232,8 +236,7 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
             if self.normals == "none":
                 return {"depth": depth, "mask": mask}
             normals = self.stored_normals(frame, take).mul_(mask)
-        x, y, z = normals != 0
-        return {"depth": depth, "normals": normals, "mask": mask & (x | y | z)}
+        return {"depth": depth, "normals": normals, "mask": mask}
 
     def depth_and_mask(self, frame: Frame, take: Take) -> tuple[Tensor, Tensor]:
         """Depth (1, h, w) in mm, 0 where unknown, and where it is known (1, h, w); nowhere without a file."""

@@ -49,6 +49,7 @@ class SimCol3D(FrameSet):
     }
     example = "FrameBuffer_NNNN.png with Depth_NNNN.png"
     max_depth = MAX_DEPTH
+    dense_truth = True
 
     def __init__(
         self,
