@@ -520,6 +520,16 @@ class PredictOptions(LearntOptions):
         return self
 
 
+class PoseOptions(Options):
+    """What the lines of pose.txt mean; what is `auto` is told by depth, and C3VD's where nothing tells."""
+
+    direction: Literal["auto", "camera_to_world", "world_to_camera"]
+    axes: Literal["auto", "opencv", "opengl", "unity"]
+    unit: Literal["auto", "mm", "cm", "m"]
+    first: Literal["auto"] | Annotated[int, Field(ge=0)]
+    check: bool
+
+
 class FuseOptions(Options):
     """Everything that `fuse.py` takes."""
 
@@ -532,6 +542,7 @@ class FuseOptions(Options):
     max_depth: PositiveFloat | None
     size: Annotated[list[Side], Field(min_length=2, max_length=2)] | None
     scale: Literal["none", "median"]
+    poses: PoseOptions
     frames: PositiveInt | None
     voxel: Annotated[float, Field(gt=0, le=10)]
     far: PositiveFloat | None

@@ -181,7 +181,9 @@ class C3VD(FrameSet):
             poses = camera_to_world(np.array(rows))
             turns = poses[:, :3, :3]
             off = np.abs(turns @ turns.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
-            if not (fine := np.isfinite(poses).all(axis=(1, 2)) & (off < OFF_ORTHONORMAL)).all():
+            fine = np.isfinite(poses).all(axis=(1, 2)) & (off < OFF_ORTHONORMAL)
+            fine[fine] = np.linalg.det(turns[fine]) > 0  # one that mirrors is none
+            if not fine.all():
                 raise ValueError(f"line {int(np.argmin(fine)) + 1} is no rotation with a place")
             return torch.from_numpy(poses)
         except (OSError, ValueError) as error:
