@@ -8,12 +8,15 @@ from hydra.errors import HydraException
 DATA = r"data\.((also\.\w+|test)\.)?"
 PATHS = re.compile(
     rf"{DATA}(root|store|layout\.(image|depth|camera_file))|prepare\.out|benchmark\.output|model\.pretrained"
-    r"|hydra\.(run|sweep)\.dir|output_dir|root|input|output|checkpoint|samples|camera|video"
+    r"|hydra\.(run|sweep)\.dir|init\.checkpoint|output_dir|root|input|output|checkpoint|samples|camera|video"
 )
 NAMES = re.compile(rf"{DATA}split\.(train|val|test)")
 NO_PATHS = {("predict", "video")}
 """Programs in which an option that is a path in others is none."""
-MAY_BE_NULL = ("checkpoint", "output_dir", "root", "prepare.out", "model.pretrained", "samples", "camera")
+MAY_BE_NULL = (
+    *("checkpoint", "init.checkpoint", "output_dir", "root", "prepare.out", "model.pretrained", "samples"),
+    "camera",
+)
 SWEEPS = ("-m", "--multirun", "hydra.mode=MULTIRUN")
 
 

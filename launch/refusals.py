@@ -48,6 +48,10 @@ def _folder() -> str:
 
 
 def _unknown_option(option: str, config_name: str) -> str:
+    if option == "checkpoint" and config_name in ("train", "benchmark"):
+        return (
+            "checkpoint: init.checkpoint=PATH begins from weights; the same command goes on with a training"
+        )
     return f"{option}: no such option{nearest_name(option, _options(config_name))}"
 
 

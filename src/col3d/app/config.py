@@ -313,6 +313,19 @@ Protocols = Annotated[dict[str, ProtocolOptions], Field(min_length=1)]
 """By name: `protocol=house`, or `protocol=[house,published]` where several can be."""
 
 
+class InitOptions(Options):
+    """Weights to begin from."""
+
+    checkpoint: str | None = None
+    published: Published | None = None
+
+    @model_validator(mode="after")
+    def _has_a_file(self) -> "InitOptions":
+        if self.published is not None and self.checkpoint in (None, "shipped"):
+            raise ValueError("init.published: says whose weights a file holds; give init.checkpoint=PATH")
+        return self
+
+
 class TrainOptions(Options):
     """Everything that `train.py` takes."""
 
@@ -321,6 +334,7 @@ class TrainOptions(Options):
     output_dir: str
     objective: Annotated[list[str], Field(min_length=1)]
     preset: str
+    init: InitOptions = InitOptions()
     model: ModelOptions
     task: Annotated[TaskOptions, ByName]
     loss: LossOptions
