@@ -4,6 +4,7 @@ import re
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from col3d.data.decode import refusals
 
 NPY, NPZ, PFM = b"\x93NUMPY", b"PK\x03\x04", (b"Pf", b"PF")
 PFM_HEADER = re.compile(rb"(P[fF])\s+(\d{1,7})\s+(\d{1,7})\s+([-+]?[0-9.]+(?:[eE][-+]?\d+)?)\s")
+NPY_HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 
 
 @dataclass(frozen=True)
@@ -41,14 +43,13 @@ def array_header(path: Path) -> ArrayHeader:
     with refusals(path):
         head = _head(path)
         if head == NPY:
-            array = np.load(path, mmap_mode="r", allow_pickle=False)
-            return ArrayHeader(array.shape, array.dtype)
+            with path.open("rb") as file:
+                header, start = _npy_header(file), file.tell()
+            return _long_enough(path, header, start)
         if head[:4] == NPZ:
             return _packed_header(path)
-        kind, shape, start = _pfm_header(path)
-        if path.stat().st_size < start + kind.itemsize * int(np.prod(shape)):
-            raise DataError(f"{path}: the file is cut off; copy it again")
-        return ArrayHeader(shape, kind)
+        dtype, shape, start = _pfm_header(path)
+        return _long_enough(path, ArrayHeader(shape, dtype), start)
 
 
 def read_array(path: Path) -> np.ndarray:
@@ -82,17 +83,22 @@ def _packed_header(path: Path) -> ArrayHeader:
             listed = ", ".join(name.removesuffix(".npy") for name in names[:5])
             raise DataError(f"{path}: expected an NPZ of one array, got {len(names)} ({listed})")
         with archive.open(names[0]) as file:
-            version = np.lib.format.read_magic(file)
-            read = {
-                (1, 0): np.lib.format.read_array_header_1_0,
-                (2, 0): np.lib.format.read_array_header_2_0,
-            }.get(version)
-            if read is None:
-                raise ValueError(f"version {version} of NPY is not known")
-            shape, _, dtype = read(file)
-    if dtype.hasobject:
-        raise ValueError("it holds Python objects")
+            return _npy_header(file)
+
+
+def _npy_header(file: Any) -> ArrayHeader:
+    version = np.lib.format.read_magic(file)
+    if version not in NPY_HEADERS:
+        raise ValueError(f"version {version} of NPY is not known")
+    shape, _, dtype = NPY_HEADERS[version](file)
     return ArrayHeader(shape, dtype)
+
+
+def _long_enough(path: Path, header: ArrayHeader, start: int) -> ArrayHeader:
+    count = int(np.prod(header.shape, dtype=np.int64))
+    if not header.dtype.hasobject and path.stat().st_size < start + header.dtype.itemsize * count:
+        raise DataError(f"{path}: the file is cut off; copy it again")
+    return header
 
 
 def _pfm_header(path: Path) -> tuple[np.dtype, tuple[int, ...], int]:

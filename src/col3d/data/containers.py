@@ -44,15 +44,15 @@ def _end_of_boxes(file: BinaryIO, size: int) -> int:
 
 
 def _end_of_riffs(file: BinaryIO, size: int) -> int:
-    at = 0
-    while at + 8 <= size:
-        file.seek(at)
+    end = 0
+    while end + 8 <= size:
+        file.seek(end + end % 2)
         head = file.read(8)
         length = int.from_bytes(head[4:8], "little")
         if head[:4] != b"RIFF" or length == 0:
-            return at
-        at += 8 + length + length % 2
-    return at - 1 if at == size + 1 else at  # the last byte of padding may be left out
+            return end
+        end += end % 2 + 8 + length
+    return end
 
 
 def _end_of_segment(file: BinaryIO) -> int:

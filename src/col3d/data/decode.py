@@ -12,7 +12,7 @@ from kornia_rs.io import decode_image_jpegturbo
 from PIL import Image
 
 from col3d.checks import DataError
-from col3d.data.tiff import TruncatedError, has_eight_bits, is_plain_colour, open_page, read_page
+from col3d.data.tiff import TruncatedError, full_pages, has_eight_bits, is_plain_colour, open_page, read_page
 from col3d.formats import image_format
 
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # what is broken is said once, by us
@@ -58,6 +58,11 @@ def read_rgb8(path: Path, page: int = 0) -> UInt8[np.ndarray, "h w 3"]:
         if channels >= 3:
             return pixels if channels == 3 else cv2.cvtColor(pixels, cv2.COLOR_RGBA2RGB)
         return cv2.cvtColor(pixels if channels == 1 else pixels[..., 0].copy(), cv2.COLOR_GRAY2RGB)
+
+
+def several_pictures(path: Path, count: int) -> DataError:
+    """What is said of a file that holds more than the one picture that is expected."""
+    return DataError(f"{path}: expected one picture, got {count} pages or frames; write each alone")
 
 
 def not_eight_bits(path: Path, came: str) -> DataError:
@@ -145,6 +150,8 @@ def _colours(pixels: np.ndarray | None) -> np.ndarray:
 
 def _tiff(path: Path) -> np.ndarray:
     with open_page(path) as page:
+        if (count := len(full_pages(page.parent))) > 1:
+            raise several_pictures(path, count)
         return read_page(path, page)
 
 

@@ -8,13 +8,14 @@ from jaxtyping import Shaped
 from col3d.checks import DataError
 from col3d.data.arrays import array_header, is_array, read_array
 from col3d.data.decode import read_whole
-from col3d.data.headers import check_one_page, check_size, read_header
+from col3d.data.headers import NUMBERS, check_one_page, check_size, read_header
 from col3d.formats import IMAGE_FORMATS, image_format
 
 TAKEN = (
     "taken are PNG, TIFF, BMP, WebP, JPEG, NPY, NPZ of one array and PFM, of whole numbers of 8 to 64 bits "
     "or floats, in one channel, equal channels, or the one that data.layout.depth_channel names"
 )
+BYTE = 8
 Shape = tuple[int, ...]
 
 
@@ -54,8 +55,20 @@ def read_depth_file(
     Raises:
         DataError: names the file, the rule and what came.
     """
+    if is_array(path):
+        check_numbers(path, array_header(path).dtype)
+        pixels = read_array(path)
+    else:
+        check_format(path)
+        pixels = read_whole(path)
+    if (
+        pixels.shape == size_hw
+        and channel is None
+        and pixels.dtype.kind in "uif"
+        and pixels.dtype != np.uint8
+    ):
+        return pixels  # all that its header could tell is known
     channels = check_depth_file(path, size_hw, channel)
-    pixels = read_array(path) if is_array(path) else read_whole(path)
     planes = _channels_last(pixels, size_hw)
     if channel is not None:
         return planes[..., channel]
@@ -79,13 +92,23 @@ def check_numbers(path: Path, dtype: np.dtype) -> None:
         raise DataError(f"{path}: expected numbers, got {dtype}; {TAKEN}")
 
 
-def _image_channels(path: Path, size_hw: tuple[int, int]) -> int:
+def check_format(path: Path) -> None:
+    """Refuse what is neither an image nor an array.
+
+    Raises:
+        DataError: names the file and what is taken.
+    """
     if path.is_file() and image_format(path) not in IMAGE_FORMATS:
         raise DataError(f"{path}: not a map of depth that can be read; {TAKEN}")
+
+
+def _image_channels(path: Path, size_hw: tuple[int, int]) -> int:
+    check_format(path)
     header = read_header(path)
     check_size(path, size_hw, header.size_hw)
-    if header.bits < 8 or header.numbers not in ("uint", "int", "float"):
-        raise DataError(f"{path}: expected numbers of 8 bits or more, got {header.bits} bits; {TAKEN}")
+    if header.bits < BYTE or header.numbers not in NUMBERS.values():
+        came = f"{header.numbers} of {header.bits} bits"
+        raise DataError(f"{path}: expected numbers of 8 bits or more, got {came}; {TAKEN}")
     check_one_page(path, header)
     return 3 if header.is_palette else header.colours
 

@@ -89,5 +89,5 @@ class FolderFrames(FrameSet):
         wide = codes.dtype.itemsize > SHORT and codes.dtype != np.float32
         with np.errstate(over="ignore", invalid="ignore"):  # what is not finite, does not count
             exact = codes.astype(np.float64) if wide else codes.astype(np.float32)
-            mm = (exact * np.float32(self.depth_unit)).astype(np.float32)
+            mm = (exact * np.float32(self.depth_unit)).astype(np.float32, copy=False)
         return Depth(mm, np.isfinite(mm) & (mm > 0) & (mm <= self.max_depth))

@@ -8,13 +8,15 @@ import tifffile
 from PIL import Image
 
 from col3d.checks import DataError
-from col3d.data.decode import JPEG_END, PNG_END, TAKEN, not_eight_bits, read_whole
+from col3d.data.decode import JPEG_END, PNG_END, TAKEN, not_eight_bits, read_whole, several_pictures
 from col3d.data.tiff import TruncatedError, colour_samples, full_pages, has_eight_bits, open_page
 from col3d.formats import IMAGE_FORMATS, image_format
 
 EIGHT_BITS = ("1", "L", "LA", "P", "PA", "RGB", "RGBA", "RGBX", "CMYK", "YCbCr", "HSV", "LAB")
 """Pillow's names of what becomes RGB of 8 bits without loss of range."""
 PNG_BITS_AT = 24
+NUMBERS = {"u": "whole numbers", "i": "whole numbers", "f": "floats", "b": "whole numbers"}
+"""By the kind of NumPy's types."""
 TAIL = 64
 """Bytes at the end of a file in which its last mark is looked for first."""
 
@@ -31,7 +33,7 @@ class Header:
         pages: pictures in it.
         is_photo: whether it becomes RGB of 8 bits without loss of range; colours of 16 are reduced.
         is_palette: whether its numbers are places in a list of colours.
-        numbers: `uint`, `int` or `float`; something else where they are none.
+        numbers: what they are, one of `NUMBERS`; something else where they are no measurement.
     """
 
     size_hw: tuple[int, int]
@@ -41,7 +43,7 @@ class Header:
     pages: int
     is_photo: bool
     is_palette: bool = False
-    numbers: str = "uint"
+    numbers: str = "whole numbers"
 
 
 def read_header(path: Path) -> Header:
@@ -65,6 +67,8 @@ def read_header(path: Path) -> Header:
     except FileNotFoundError:
         raise DataError(f"{path}: no such file") from None
     except Exception as error:  # headers that make no sense fail in many ways
+        if "truncated" in str(error).lower():
+            raise DataError(f"{path}: the file is cut off; copy it again") from None
         reason = " ".join(str(error).replace(str(path), "it").split())[:120] or type(error).__name__
         raise DataError(f"{path}: not a readable image ({reason})") from None
 
@@ -98,7 +102,7 @@ def check_one_page(path: Path, header: Header) -> None:
         DataError: names the file and how many there are.
     """
     if header.pages > 1:
-        raise DataError(f"{path}: expected one picture, got {header.pages} pages or frames; write each alone")
+        raise several_pictures(path, header.pages)
 
 
 def _other_header(path: Path) -> Header:
@@ -125,6 +129,7 @@ def _other_header(path: Path) -> Header:
 def _tiff_header(path: Path) -> Header:
     with open_page(path) as page:
         kind = "" if page.dtype is None else page.dtype.kind
+        is_palette = page.photometric == tifffile.PHOTOMETRIC.PALETTE
         return Header(
             (page.imagelength, page.imagewidth),
             page.samplesperpixel,
@@ -132,8 +137,8 @@ def _tiff_header(path: Path) -> Header:
             page.bitspersample,
             len(full_pages(page.parent)),
             has_eight_bits(page),
-            is_palette=page.photometric == tifffile.PHOTOMETRIC.PALETTE,
-            numbers={"u": "uint", "i": "int", "f": "float", "b": "uint"}.get(kind, "other"),
+            is_palette=is_palette,
+            numbers="colours of a palette" if is_palette else NUMBERS.get(kind, "other numbers"),
         )
 
 

@@ -50,7 +50,7 @@ class Photos:
             return ""
         count, listed = (
             sum(self.left_out.values()),
-            ", ".join(f"{n} {kind}" for kind, n in self.left_out.items()),
+            ", ".join(f"{n} {kind}" for kind, n in sorted(self.left_out.items())),
         )
         return f"note: {count} files of {place} are no photos and are left out: {listed}"
 

@@ -4,6 +4,7 @@ import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -35,6 +36,7 @@ def open_page(path: Path, number: int = 0) -> Iterator[tifffile.TiffPage]:
     """
     with tifffile.TiffFile(path) as file:
         page = full_pages(file)[number] if number else _first(file)
+        _check_directory(file, page)
         _check_segments(page, file.filehandle.size)
         yield page
 
@@ -78,7 +80,9 @@ def has_eight_bits(page: tifffile.TiffPage) -> bool:
 
 
 def colour_samples(page: tifffile.TiffPage) -> int:
-    """Samples of a pixel, transparency not counted."""
+    """Samples of a pixel, transparency not counted, which some programs do not mark as such."""
+    if page.photometric == tifffile.PHOTOMETRIC.RGB:
+        return min(page.samplesperpixel, 3)
     return page.samplesperpixel - sum(int(kind) in ALPHA for kind in page.extrasamples)
 
 
@@ -86,6 +90,16 @@ def _first(file: tifffile.TiffFile) -> tifffile.TiffPage:
     page = file.pages[0]
     assert isinstance(page, tifffile.TiffPage)
     return page
+
+
+def _check_directory(file: tifffile.TiffFile, page: tifffile.TiffPage) -> None:
+    """Its tags, and behind them the place of the next page, are there to the last byte."""
+    count, tag, place = (8, 20, 8) if file.is_bigtiff else (2, 12, 4)
+    file.filehandle.seek(page.offset)
+    order: Literal["little", "big"] = "little" if file.byteorder == "<" else "big"
+    tags = int.from_bytes(file.filehandle.read(count), order)
+    if page.offset + count + tag * tags + place > file.filehandle.size:
+        raise TruncatedError("it is truncated")
 
 
 def _check_segments(page: tifffile.TiffPage, size: int) -> None:

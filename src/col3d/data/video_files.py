@@ -135,5 +135,6 @@ def _animation(path: Path) -> tuple[tuple[int, int], int]:
 def _rate(path: Path) -> float | None:
     """Frames a second, as long as the first is shown."""
     with refusals(path), warnings.catch_warnings(action="ignore"), _opened(path) as image:
+        image.load()  # of a WebP nothing is known before
         milliseconds = float(image.info.get("duration", 0))
     return 1000 / milliseconds if milliseconds > 0 else None
