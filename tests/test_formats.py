@@ -11,9 +11,9 @@ import pytest
 from PIL import Image
 
 from col3d.checks import DataError
+from col3d.data.decode import read_whole
 from col3d.data.files import check_header
 from col3d.data.images import image_source, read_image
-from col3d.data.verify.decode import read_whole
 from col3d.demo.uploads import read_clip, read_photo
 from col3d.formats import open_video
 

@@ -11,9 +11,39 @@ import cv2
 
 IMAGE_FORMATS = ("PNG", "JPEG", "BMP", "TIFF", "WEBP")
 """Pillow's; for `formats` of each `Image.open`."""
-DEMUXERS = ("mov", "avi", "matroska", "mpeg", "mpegts", "mpegvideo", "m4v", "asf", "ogg")
+MOVING_FORMATS = (*IMAGE_FORMATS, "GIF")
+"""Of files that may hold several pictures."""
+DEMUXERS = (
+    *("mov", "avi", "matroska", "mpeg", "mpegts", "mpegvideo", "m4v", "asf", "ogg"),
+    *("flv", "mxf", "h264", "hevc"),
+)
 """FFmpeg's, of files that hold their pictures themselves."""
 SILENT = "-8"
+STARTS = {
+    b"\x89PNG\r\n\x1a\n": "PNG",
+    b"\xff\xd8\xff": "JPEG",
+    b"BM": "BMP",
+    b"II*\0": "TIFF",
+    b"MM\0*": "TIFF",
+    b"II+\0": "TIFF",
+    b"MM\0+": "TIFF",
+    b"GIF87a": "GIF",
+    b"GIF89a": "GIF",
+}
+"""The first bytes of formats."""
+
+
+def image_format(path: Path) -> str:
+    """Pillow's name of a file's format by its first bytes; nothing where it is none of `MOVING_FORMATS`.
+
+    Raises:
+        OSError: the file cannot be read.
+    """
+    with path.open("rb") as file:
+        head = file.read(12)
+    if head[:4] == b"RIFF" and head[8:] == b"WEBP":
+        return "WEBP"
+    return next((name for start, name in STARTS.items() if head.startswith(start)), "")
 
 
 def open_video(path: Path) -> cv2.VideoCapture:

@@ -75,8 +75,10 @@ def test_a_layout_that_does_not_fit(root: Path, layout: dict[str, Any], message:
 
 
 def test_depth_of_several_channels_is_refused(root: Path) -> None:
-    cv2.imwrite(str(root / "clip_1" / "depth" / "000003.tiff"), np.zeros((60, 80, 3), np.uint16))
-    with pytest.raises(DataError, match=r"000003\.tiff: expected 1 channels"):
+    cv2.imwrite(str(root / "clip_1" / "depth" / "000003.tiff"), np.eye(60, 80 * 3).reshape(60, 80, 3))
+    with pytest.raises(
+        DataError, match=r"000003\.tiff: expected one channel or equal ones, got 3 that differ"
+    ):
         FolderFrames(root, ["clip_1"], **LAYOUT)
 
 

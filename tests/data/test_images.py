@@ -70,7 +70,7 @@ def test_what_is_no_image_is_said(tmp_path: Path) -> None:
     Image.fromarray(noise).save(tmp_path / "cut.jpg")
     whole = (tmp_path / "cut.jpg").read_bytes()
     (tmp_path / "cut.jpg").write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(DataError, match=r"cut\.jpg: not a readable image \(.*truncated"):
+    with pytest.raises(DataError, match=r"cut\.jpg: the file is cut off; copy it again"):
         read_image(tmp_path / "cut.jpg")
     (tmp_path / "empty").mkdir()
     for given, said in (

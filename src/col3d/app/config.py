@@ -152,6 +152,7 @@ class LayoutOptions(Options):
     depth_unit: PositiveFloat
     max_depth: PositiveFloat
     camera_file: str
+    depth_channel: Annotated[int, Field(ge=0)] | None = None
 
 
 class SourceOptions(Options):

@@ -17,7 +17,7 @@ from col3d.app.foreseen import in_a_line
 from col3d.app.learnt import Learnt, learnt
 from col3d.app.machine import check_accelerator, quiet
 from col3d.app.predicted import Predicted
-from col3d.app.prediction_folder import PredictionFolder
+from col3d.app.prediction_folder import PredictionFolder, check_room
 from col3d.app.stopping import stoppable
 from col3d.callbacks import StopSignals
 from col3d.checks import DataError, UserError
@@ -44,7 +44,9 @@ def predict(given: Mapping[str, Any]) -> None:
     check_accelerator(options.accelerator)
     with stoppable("the same command with overwrite=true predicts all of it") as stop:
         source = _source(options)
+        check_room(Path(options.output), options, source)
         lens = _lens(options, source)
+        _check_sides(lens, source)
         network = _network(options, lens)
         _say_what_holds(network, lens)
         with (
@@ -61,9 +63,12 @@ def predict(given: Mapping[str, Any]) -> None:
 
 def _source(options: PredictOptions) -> ImageSource:
     try:
-        return image_source(options.input)
+        source = image_source(options.input)
     except DataError as error:
         raise UserError(str(error)) from None
+    for note in source.notes:
+        print(note, flush=True)
+    return source
 
 
 def _lens(options: PredictOptions, source: ImageSource) -> Camera | None:
@@ -75,6 +80,21 @@ def _lens(options: PredictOptions, source: ImageSource) -> Camera | None:
     if first is None:
         raise UserError(f"input: no image of {options.input} can be read")
     return camera_at(lens, (first.shape[0], first.shape[1]))
+
+
+def _check_sides(lens: Camera | None, source: ImageSource) -> None:
+    """Refuse images none of which the lens can have seen, before any is decoded."""
+    if lens is None:
+        return
+    refused: DataError | None = None
+    for size_hw in source.sizes():
+        try:
+            camera_at(lens, size_hw)
+            return
+        except DataError as error:
+            refused = refused or error
+    if refused is not None:
+        raise UserError(str(refused))
 
 
 def _network(options: PredictOptions, lens: Camera | None) -> Learnt:

@@ -66,7 +66,7 @@ class PredictionFolder:
     def __init__(
         self, path: Path, options: PredictOptions, network: Learnt, source: ImageSource, lens: Camera | None
     ) -> None:
-        self.owned = _checked_room(path, options, source)
+        self.owned = check_room(path, options, source)
         self.path, self.network, self.source, self.lens, self.options = path, network, source, lens, options
         self.unit = "relative" if lens is None else "mm"
         self.is_series = source.is_video if options.video == "auto" else options.video
@@ -265,7 +265,7 @@ def _sparse(frame: Predicted) -> torch.Tensor:
     return depth[None, None]
 
 
-def _checked_room(path: Path, options: PredictOptions, source: ImageSource) -> Owned:
+def check_room(path: Path, options: PredictOptions, source: ImageSource) -> Owned:
     """What of a folder is an earlier prediction, where nothing of others and no input would be lost."""
     if path.exists() and not path.is_dir():
         raise UserError(f"output: {path} is a file; name a folder")

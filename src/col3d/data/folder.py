@@ -8,8 +8,12 @@ import numpy as np
 from jaxtyping import Shaped
 
 from col3d.checks import DataError
+from col3d.data.depth_files import check_depth_file, read_depth_file
 from col3d.data.frames import Depth, FrameSet, Kind, check_root
 from col3d.geometry.camera_file import read_camera
+
+SHORT = 2
+"""Bytes of numbers that a float of 32 bits holds exactly."""
 
 
 class FolderFrames(FrameSet):
@@ -19,11 +23,13 @@ class FolderFrames(FrameSet):
         root: folder of the folders of videos; it holds the camera's file.
         videos: names, or frame ranges such as `clip_1:0-120`.
         image: path of an image in the folder of its video, {} for its number, such as `{}.png`.
-        depth: path of its depth likewise: whole numbers or floats, one channel; 0 is unknown.
+        depth: path of its depth likewise; see `col3d.data.depth_files` for what is read. What is 0, negative,
+            infinite or NaN is unknown.
         depth_unit: millimetres that 1 in a depth file stands for.
         max_depth: millimetres; what lies beyond does not count.
         camera_file: in the root; see `col3d.geometry.camera_file`.
         normals: `derived` from the depth, or `none`.
+        depth_channel: of a depth file whose channels differ, the one that is depth, counted from 0.
     """
 
     example = "as data.layout describes them"
@@ -38,12 +44,14 @@ class FolderFrames(FrameSet):
         max_depth: float,
         camera_file: str = "camera.json",
         normals: str = "derived",
+        depth_channel: int | None = None,
     ) -> None:
         for option, name in (("image", image), ("depth", depth)):
             if name.count("{}") != 1 or "{}" not in Path(name).name:
                 raise DataError(f"data.layout.{option}: expected {{}} once, in the file's name; got {name!r}")
         self.kinds = {"color": Kind(image, None, None), "depth": Kind(depth, 1, None)}
-        self.depth_unit, self.max_depth = depth_unit, max_depth
+        self.depth_unit, self.max_depth, self.depth_channel = depth_unit, max_depth, depth_channel
+        self.decoded_in: set[Path] = set()
         check_root(Path(root))
         super().__init__(root, videos, read_camera(Path(root) / camera_file), normals)
         self.releases = {}
@@ -51,10 +59,35 @@ class FolderFrames(FrameSet):
     def decoding(self) -> dict[str, Any]:
         """Options that decide what codes in files mean."""
         names = {name: kind.name for name, kind in self.kinds.items()}
-        return {**names, "depth_unit": self.depth_unit}
+        channel = {} if self.depth_channel is None else {"depth_channel": self.depth_channel}
+        return {**names, "depth_unit": self.depth_unit, **channel}
+
+    def check_file(self, kind: str, path: Path) -> None:
+        """Refuse a file by its header; the first depth of several channels in a folder is read too.
+
+        Raises:
+            DataError: names the file, the rule and what came.
+        """
+        if kind != "depth":
+            return super().check_file(kind, path)
+        channels = check_depth_file(path, self.camera.size_hw, self.depth_channel)
+        if channels > 1 and self.depth_channel is None and path.parent not in self.decoded_in:
+            self.depth_codes(path)
+            self.decoded_in.add(path.parent)
+        return None
+
+    def depth_codes(self, path: Path) -> Shaped[np.ndarray, "h w"]:
+        """Depth as it is stored in a file.
+
+        Raises:
+            DataError: the file is not what it should be.
+        """
+        return read_depth_file(path, self.camera.size_hw, self.depth_channel)
 
     def decoded_depth(self, codes: Shaped[np.ndarray, "h w"]) -> Depth:
         """Depth by its codes, of all pixels or of some, as they are stored."""
-        with np.errstate(over="ignore"):  # what overflows is not finite, and does not count
-            mm = codes.astype(np.float32) * np.float32(self.depth_unit)
+        wide = codes.dtype.itemsize > SHORT and codes.dtype != np.float32
+        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite, does not count
+            exact = codes.astype(np.float64) if wide else codes.astype(np.float32)
+            mm = (exact * np.float32(self.depth_unit)).astype(np.float32, copy=False)
         return Depth(mm, np.isfinite(mm) & (mm > 0) & (mm <= self.max_depth))

@@ -15,7 +15,7 @@ from torch import Tensor
 from torch.utils.data import Dataset
 
 from col3d.checks import DataError, check_known
-from col3d.data.files import check_header, read_any, read_colour, read_grey, read_rgb
+from col3d.data.files import check_header, read_colour, read_grey, read_rgb
 from col3d.data.splits import Selection, check_end, parse_selection
 from col3d.data.videos import frames_of
 from col3d.geometry import Camera, normals_from_depth
@@ -244,12 +244,18 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
         if "depth" not in frame.files:
             nothing = torch.from_numpy(take(np.zeros(size_hw, np.float32)))[None]
             return nothing, nothing > 0
-        path, exact = frame.files["depth"], self.kinds["depth"].bits is not None
-        codes = read_grey(path, size_hw, np.uint16) if exact else read_any(path, size_hw)
-        depth = self.decoded_depth(take(codes))
+        depth = self.decoded_depth(take(self.depth_codes(frame.files["depth"])))
         known = depth.known if view is None else depth.known & take(view[0].numpy())
         mask = torch.from_numpy(known)[None]
         return torch.where(mask, torch.from_numpy(depth.mm)[None], 0.0), mask
+
+    def depth_codes(self, path: Path) -> Shaped[np.ndarray, "h w"]:
+        """Depth as it is stored in a file.
+
+        Raises:
+            DataError: the file is not what it should be.
+        """
+        return read_grey(path, self.camera.size_hw, np.uint16)
 
     @abstractmethod
     def decoded_depth(self, codes: Shaped[np.ndarray, "h w"]) -> Depth:
@@ -298,7 +304,15 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
             DataError: names the file.
         """
         for kind, path in frame.files.items():
-            check_header(path, self.camera.size_hw, self.kinds[kind].channels, self.kinds[kind].bits)
+            self.check_file(kind, path)
+
+    def check_file(self, kind: str, path: Path) -> None:
+        """Refuse a file of a kind by its header.
+
+        Raises:
+            DataError: names the file, the rule and what came.
+        """
+        check_header(path, self.camera.size_hw, self.kinds[kind].channels, self.kinds[kind].bits)
 
     def _numbers(self, video: str) -> set[int]:
         return {frame.number for frame in self.frames if frame.video == video}

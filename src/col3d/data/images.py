@@ -1,66 +1,30 @@
-"""Images from anywhere: a file, a folder, a pattern, a video file, or a video of C3VD, one by one."""
+"""Images from anywhere: a file, a folder, a pattern, a video file, or a video of a data set, one by one."""
 
 import glob
 import os
 import re
-from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-
-import cv2
-import numpy as np
-from PIL import Image
 
 from col3d.checks import DataError
 from col3d.data.c3vd import C3VD
-from col3d.formats import IMAGE_FORMATS, open_video
+from col3d.data.headers import read_header
+from col3d.data.photos import Photos, choose_photos, is_photo_folder, kind_by_name
+from col3d.data.simcol3d import SimCol3D
+from col3d.data.sources import ImageSource, Shot, check_sides, read_image
+from col3d.data.video_files import VideoFile, as_pictures
+from col3d.formats import MOVING_FORMATS, image_format
+
+__all__ = ["ImageFiles", "ImageSource", "Shot", "VideoFile", "check_sides", "image_source", "read_image"]
 
 IMAGE_ENDINGS = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
 VIDEO_ENDINGS = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".wmv", ".ogv")
-EIGHT_BITS = ("1", "L", "LA", "P", "PA", "RGB", "RGBA", "RGBX", "CMYK", "YCbCr", "HSV", "LAB")
-"""Pillow's names of what becomes RGB of 8 bits without loss of range."""
-LONGEST = 20
-"""Times the shorter side that the longer one of an image may be: pictures of a line have no bounds."""
-
-
-@dataclass(frozen=True)
-class Shot:
-    """One image of a source.
-
-    Attributes:
-        name: for files that are written of it; no other of the source has it.
-        number: of the frame, or the image's place.
-        image: RGB (h, w, 3) in 8 bits; None where it cannot be read.
-        fault: what is wrong with it, in words, or nothing.
-    """
-
-    name: str
-    number: int
-    image: np.ndarray | None
-    fault: str = ""
-
-
-class ImageSource(ABC):
-    """Images one after the other, none kept.
-
-    Attributes:
-        name: of the whole.
-        is_video: whether each image follows on the one before in time.
-        fps: frames a second; None where nobody says.
-        count: how many there are, as far as is known before they are read.
-        paths: of the files that are read.
-    """
-
-    name: str
-    is_video: bool
-    fps: float | None = None
-    count: int
-    paths: tuple[Path, ...]
-
-    @abstractmethod
-    def __iter__(self) -> Iterator[Shot]:
-        """Each image, or what is wrong with it."""
+MAYBE_SEVERAL = (".png", ".tif", ".tiff", ".webp")
+"""Endings of images that may hold several pictures."""
+ANIMATED, HEAD = b"acTL", 65536
+"""What an animated PNG has before its pixels, which begin within so many bytes."""
+NAMED = 3
+"""Files or folders that a line names."""
 
 
 class ImageFiles(ImageSource):
@@ -70,12 +34,22 @@ class ImageFiles(ImageSource):
         name: of the whole.
         files: by number.
         is_video: whether they are frames of one video, named by their numbers.
+        notes: lines on what was not taken.
     """
 
-    def __init__(self, name: str, files: dict[int, Path], is_video: bool) -> None:
+    def __init__(self, name: str, files: dict[int, Path], is_video: bool, notes: Sequence[str] = ()) -> None:
         self.name, self.files, self.is_video, self.count = name, files, is_video, len(files)
         self.paths = tuple(files.values())
         self.names = [f"{number:04d}" for number in files] if is_video else _names(list(files.values()))
+        self.notes = tuple(note for note in (*notes, _note_of_several(self.paths)) if note)
+
+    def sizes(self) -> Iterator[tuple[int, int]]:
+        """Height and width of images by their headers, as they are asked for; broken ones are passed over."""
+        for path in self.paths:
+            try:
+                yield read_header(path).size_hw
+            except DataError:
+                continue
 
     def __iter__(self) -> Iterator[Shot]:
         for name, (number, path) in zip(self.names, self.files.items(), strict=True):
@@ -83,44 +57,6 @@ class ImageFiles(ImageSource):
                 yield Shot(name, number, read_image(path))
             except DataError as error:
                 yield Shot(name, number, None, str(error))
-
-
-class VideoFile(ImageSource):
-    """The frames of a video file, as far as it can be decoded.
-
-    Raises:
-        DataError: it cannot be opened.
-    """
-
-    is_video = True
-
-    def __init__(self, path: Path) -> None:
-        self.path, self.name, self.paths = path, path.stem, (path,)
-        capture = open_video(path)
-        if not capture.isOpened():
-            raise DataError(f"{path}: cannot be opened as a video")
-        width, height = (capture.get(key) for key in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
-        check_sides(path, int(height), int(width))
-        self.fps = capture.get(cv2.CAP_PROP_FPS) or None
-        self.count = max(int(capture.get(cv2.CAP_PROP_FRAME_COUNT)), 0)
-        capture.release()
-
-    def __iter__(self) -> Iterator[Shot]:
-        capture = open_video(self.path)
-        number = 0
-        try:
-            while True:
-                read, frame = capture.read()
-                if not read:
-                    break
-                yield Shot(f"{number:06d}", number, cv2.cvtColor(frame, cv2.COLOR_BGR2RGB))
-                number += 1
-        finally:
-            capture.release()
-        if number < self.count:
-            lost = self.count - number
-            fault = f"{self.path}: {lost} of {self.count} frames could not be decoded"
-            yield Shot(f"{number:06d}", number, None, fault)
 
 
 def image_source(given: str) -> ImageSource:
@@ -133,64 +69,112 @@ def image_source(given: str) -> ImageSource:
     if path.is_dir():
         return _folder(path)
     if path.is_file():
-        if path.suffix.lower() in VIDEO_ENDINGS:
-            return VideoFile(path)
-        return ImageFiles(path.stem, {0: path}, is_video=False)
+        return _file(path)
     if any(sign in given for sign in "*?["):
-        pattern = str(Path(glob.escape(str(path.parent))) / path.name) if path.parent.is_dir() else given
-        found = [Path(name) for name in glob.glob(pattern, recursive=True)]  # noqa: PTH207 - absolute or not
-        files = _images(found)
-        if not files:
-            raise DataError(f"input: {given} matches no image ({', '.join(IMAGE_ENDINGS)})")
-        return ImageFiles(path.parent.name or "images", dict(enumerate(files)), is_video=False)
+        return _matching(given, path)
     raise DataError(f"input: no such file or folder: {given}")
 
 
-def read_image(path: Path) -> np.ndarray:
-    """Any whole image file as RGB (h, w, 3) in 8 bits, pixels as they lie in it.
-
-    Raises:
-        DataError: it is no image, is cut off, or is grey of more than 8 bits; colours of more are reduced.
-    """
+def _file(path: Path) -> ImageSource:
+    """An image, several in one file, or else a video: what is in it decides, not its name."""
+    ending = path.suffix.lower()
+    if ending not in VIDEO_ENDINGS and (ending in IMAGE_ENDINGS or image_format(path) in MOVING_FORMATS):
+        return as_pictures(path) or ImageFiles(path.stem, {0: path}, is_video=False)
     try:
-        with Image.open(path, formats=IMAGE_FORMATS) as image:
-            check_sides(path, image.height, image.width)
-            if image.mode not in EIGHT_BITS:
-                raise DataError(f"{path}: expected an image of 8 bits a channel, got mode {image.mode}")
-            return np.asarray(image.convert("RGB"))
-    except DataError:
-        raise
-    except Exception as error:  # decoders fail in many ways over bytes that make no sense
-        reason = " ".join(str(error).replace(str(path), "it").split()) or type(error).__name__
-        raise DataError(f"{path}: not a readable image ({reason[:120]})") from None
+        return VideoFile(path)
+    except DataError as error:
+        if ending in VIDEO_ENDINGS:
+            raise
+        raise DataError(f"{error}, and is no image either; input takes images, videos and folders") from None
 
 
-def check_sides(path: Path, height: int, width: int) -> None:
-    """Refuse by its header what is a line rather than an image.
-
-    Raises:
-        DataError: names the file, the rule and what came.
-    """
-    if max(height, width) > LONGEST * min(height, width):
-        raise DataError(
-            f"{path}: expected sides of which one is at most {LONGEST} times the other, "
-            f"got {height} x {width}"
-        )
+def _matching(given: str, path: Path) -> ImageSource:
+    """Images of a pattern; what is no photo by its name, where nothing else matches it."""
+    pattern = str(Path(glob.escape(str(path.parent))) / path.name) if path.parent.is_dir() else given
+    found = _images([Path(name) for name in glob.glob(pattern, recursive=True)])  # noqa: PTH207 - absolute or not
+    if not found:
+        raise DataError(f"input: {given} matches no image ({', '.join(IMAGE_ENDINGS)})")
+    photos = choose_photos(found)
+    if not photos.files:
+        photos = Photos(tuple(found), {})
+    name, files = path.parent.name or "images", dict(enumerate(photos.files))
+    return ImageFiles(name, files, is_video=False, notes=[photos.note(given)])
 
 
 def _folder(path: Path) -> ImageSource:
-    """A video of C3VD or C3VDv2 by the names of its files, else all images in the folder."""
-    if files := C3VD.kinds["color"].find(path):
-        return ImageFiles(path.name, dict(sorted(files.items())), is_video=True)
+    """A video of a data set by the names of its files, else the photos in the folder or in one below it."""
+    for color in (C3VD.kinds["color"], SimCol3D.kinds["color"]):
+        if files := color.find(path):
+            others = [image for image in _images(list(path.iterdir())) if image not in files.values()]
+            notes = [Photos((), _counted(others)).note(str(path))]
+            return ImageFiles(path.name, dict(sorted(files.items())), is_video=True, notes=notes)
     images = _images(list(path.iterdir()))
     if not images:
+        return _folder_below(path)
+    photos = choose_photos(images)
+    if not photos.files:
+        kinds = ", ".join(photos.left_out)
+        raise DataError(
+            f"input: {path} holds no photo: its {len(images)} images are {kinds} by their names; a pattern "
+            f"such as {path}/*{images[0].suffix} takes them all the same"
+        )
+    return ImageFiles(
+        path.name, dict(enumerate(photos.files)), is_video=False, notes=[photos.note(str(path))]
+    )
+
+
+def _folder_below(path: Path) -> ImageSource:
+    """The folder of photos in a folder that holds no image itself, such as `rgb` beside `depth`."""
+    below = sorted(inner for inner in path.iterdir() if inner.is_dir() and not inner.name.startswith("."))
+    holding = [inner for inner in below if _images(list(inner.iterdir()))]
+    if not holding:
         raise DataError(f"input: {path} holds no image ({', '.join(IMAGE_ENDINGS)}) and no video of C3VD")
-    return ImageFiles(path.name, dict(enumerate(images)), is_video=False)
+    photos = [inner for inner in holding if not kind_by_name(inner.name)]
+    called = [inner for inner in photos if is_photo_folder(inner.name)]
+    chosen = called if len(called) == 1 else photos
+    if len(chosen) != 1:
+        listed = ", ".join(inner.name for inner in holding[:NAMED])
+        raise DataError(
+            f"input: {path} holds no image, but {len(holding)} folders of images ({listed}); name one of them"
+        )
+    source = _folder(chosen[0])
+    source.name = path.name
+    others = ", ".join(inner.name for inner in holding if inner != chosen[0])
+    note = f"note: the images of {chosen[0]} are taken" + (f", and not those of {others}" if others else "")
+    source.notes = (note, *source.notes)
+    return source
+
+
+def _counted(paths: Sequence[Path]) -> dict[str, int]:
+    kinds = [kind_by_name(path.stem) or "others" for path in paths]
+    return {kind: kinds.count(kind) for kind in dict.fromkeys(kinds)}
+
+
+def _note_of_several(paths: Sequence[Path]) -> str:
+    """Which files hold more pictures than the one that is taken, in a line; nothing where none does."""
+    found = {path: _pages(path) for path in paths if path.suffix.lower() in MAYBE_SEVERAL}
+    several = [f"{path.name} ({count})" for path, count in found.items() if count > 1]
+    if not several:
+        return ""
+    listed = ", ".join(several[:NAMED]) + (", ..." if len(several) > NAMED else "")
+    return (
+        f"note: the first picture is taken of files that hold several: {listed}; as input=FILE all of one are"
+    )
+
+
+def _pages(path: Path) -> int:
+    try:
+        with path.open("rb") as file:
+            if path.suffix.lower() == ".png" and ANIMATED not in file.read(HEAD):
+                return 1
+        return read_header(path).pages
+    except (DataError, OSError):
+        return 1  # what is broken is said when it is read
 
 
 def _images(paths: Sequence[Path]) -> list[Path]:
     chosen = [path for path in paths if path.suffix.lower() in IMAGE_ENDINGS and path.is_file()]
-    return sorted(chosen, key=_by_numbers)
+    return sorted((path for path in chosen if not path.name.startswith(".")), key=_by_numbers)
 
 
 def _by_numbers(path: Path) -> list[tuple[int, int, str]]:

@@ -11,10 +11,10 @@ from PIL import Image
 
 from col3d.checks import DataError
 from col3d.data.c3vd import MAX_DEPTH
-from col3d.data.files import read_any
-from col3d.data.images import VIDEO_ENDINGS, VideoFile, check_sides, read_image
+from col3d.data.depth_files import read_depth_file
+from col3d.data.images import IMAGE_ENDINGS, VideoFile, check_sides, read_image
 from col3d.data.release import FULL_CODE
-from col3d.formats import IMAGE_FORMATS, open_video
+from col3d.formats import IMAGE_FORMATS, image_format, open_video
 
 MOST_BYTES, MOST_PIXELS = 50_000_000, 25_000_000
 MOST_SECONDS, MOST_FRAMES = 10, 150
@@ -39,8 +39,8 @@ class Truth:
 
 
 def is_video(path: Path) -> bool:
-    """Whether the name is that of a video."""
-    return path.suffix.lower() in VIDEO_ENDINGS
+    """Whether it is to be read as a video: it has neither the first bytes nor the name of an image."""
+    return image_format(path) not in IMAGE_FORMATS and path.suffix.lower() not in IMAGE_ENDINGS
 
 
 def read_photo(path: Path) -> UInt8[np.ndarray, "h w 3"]:
@@ -101,7 +101,7 @@ def read_truth(path: Path, size_hw: tuple[int, int]) -> Truth:
     """
     _check_image(path)
     try:
-        codes = read_any(path, size_hw)
+        codes = read_depth_file(path, size_hw)
     except DataError as error:
         raise DataError(f"true depth: {str(error).replace(str(path), path.name)}") from None
     if codes.dtype != np.uint16:

@@ -10,11 +10,11 @@ import pytest
 from spheres import LENS, OLD, Channels, Check, Write, faults, pinhole_normals, pose_of, said, see, stored
 
 from col3d.data.c3vd import C3VD
+from col3d.data.decode import read_whole
 from col3d.data.frames import Depth
 from col3d.data.release import disagreement
 from col3d.data.verify import CONVENTIONS, Asked, FrameReport, conclude, plan_video
 from col3d.data.verify.conventions import angles_of, off_lengths, ranked
-from col3d.data.verify.decode import read_whole
 
 SAMPLE = os.environ.get("COL3D_C3VD_SAMPLE")
 needs_sample = pytest.mark.skipif(SAMPLE is None, reason="COL3D_C3VD_SAMPLE names no folder of real frames")

@@ -9,8 +9,8 @@ import pytest
 from spheres import LENS, Write
 
 from col3d.data.c3vd import C3VD
+from col3d.data.decode import read_whole
 from col3d.data.verify import plan_video
-from col3d.data.verify.decode import read_whole
 from col3d.data.verify.lens import check_lens, readings_of
 from col3d.data.verify.poses import read_poses
 from col3d.data.verify.reproject import surface_error

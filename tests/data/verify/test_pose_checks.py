@@ -10,9 +10,9 @@ import pytest
 from spheres import LENS, Check, Write, faults, pose_of, said, see, write_poses
 
 from col3d.data.c3vd import C3VD
+from col3d.data.decode import read_whole
 from col3d.data.frames import Depth
 from col3d.data.verify import Asked, FrameReport, conclude, plan_video
-from col3d.data.verify.decode import read_whole
 from col3d.data.verify.findings import Reprojection
 from col3d.data.verify.poses import read_poses
 from col3d.data.verify.reproject import reproject

@@ -8,11 +8,10 @@ from jaxtyping import Bool
 
 from col3d.checks import DataError
 from col3d.data.c3vd import C3VD, C3VDv2, decoded_flow
-from col3d.data.files import check_header
+from col3d.data.decode import read_rgb8, read_whole
 from col3d.data.frames import Depth, Frame, FrameSet
 from col3d.data.octagon import octagon_mask
 from col3d.data.verify.conventions import angles_of, off_lengths
-from col3d.data.verify.decode import read_whole
 from col3d.data.verify.findings import Finding, FrameReport
 from col3d.data.verify.reproject import Pose, flow_error
 
@@ -63,7 +62,7 @@ def _read(frames: FrameSet, kind: str, path: Path, report: FrameReport) -> np.nd
     """The pixels of a file, or None where they are not asked for or it is broken, which is noted."""
     asked = frames.kinds[kind]
     try:
-        check_header(path, frames.camera.size_hw, asked.channels, asked.bits)
+        frames.check_file(kind, path)
     except Exception as error:  # whatever a broken header makes its reader raise
         text = str(error) if isinstance(error, DataError) else f"{path}: not a readable image ({error})"
         report.fault("file", text)
@@ -71,7 +70,7 @@ def _read(frames: FrameSet, kind: str, path: Path, report: FrameReport) -> np.nd
     if not report.in_full:
         return None
     try:
-        pixels = read_whole(path)
+        pixels = _pixels(frames, kind, path)
     except DataError as error:
         report.fault("file", str(error))
         return None
@@ -81,6 +80,13 @@ def _read(frames: FrameSet, kind: str, path: Path, report: FrameReport) -> np.nd
         report.fault("file", f"{path}: expected pixels of shape {shape}, got {pixels.shape}, {pixels.dtype}")
         return None
     return pixels
+
+
+def _pixels(frames: FrameSet, kind: str, path: Path) -> np.ndarray:
+    """As data sets read them, where they may be of any type."""
+    if frames.kinds[kind].bits is not None:
+        return read_whole(path)
+    return frames.depth_codes(path) if kind == "depth" else read_rgb8(path)
 
 
 def _check_depth(frames: FrameSet, path: Path, depth: Depth, report: FrameReport) -> None:

@@ -1,11 +1,14 @@
 """Small pictures of a frame: what can be decoded of it, however broken."""
 
+from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 
 import cv2
 import numpy as np
 from jaxtyping import Float32, UInt8
 
+from col3d.checks import DataError
 from col3d.data.frames import Frame, FrameSet
 from col3d.data.verify.decode import read_in_part
 
@@ -33,13 +36,20 @@ def thumbnail(frames: FrameSet, frame: Frame, width: int) -> Thumbnail:
         frame: with the files at hand.
         width: in pixels.
     """
-    found = {kind: read_in_part(path) for kind, path in frame.files.items()}
+    found = {kind: _read(frames, kind, path) for kind, path in frame.files.items()}
     image, codes, normals = (found.get(kind) for kind in ("color", "depth", "normals"))
     return Thumbnail(
         image=None if image is None else _small(_colours(image), width, cv2.INTER_AREA),
         depth=None if codes is None or codes.ndim != 2 else _small(_shown(frames, codes), width),
         normals=None if normals is None else _small(_colours(normals), width),
     )
+
+
+def _read(frames: FrameSet, kind: str, path: Path) -> np.ndarray | None:
+    if kind == "depth":
+        with suppress(DataError):
+            return frames.depth_codes(path)
+    return read_in_part(path)
 
 
 def _colours(pixels: np.ndarray) -> np.ndarray:

@@ -1,0 +1,108 @@
+"""Pages of TIFF files: strictly decoded, whatever their compression and the type of their numbers."""
+
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Literal
+
+import cv2
+import numpy as np
+import tifffile
+
+logging.getLogger("tifffile").setLevel(logging.CRITICAL)  # what it warns of, is an error here
+LZW = 5
+BY_OPENCV = ("uint16", "float32")
+"""Types that OpenCV reads strictly, and LZW a third faster; of 8 bits it makes up what is missing."""
+ALPHA = (1, 2)
+"""Kinds of extra samples that are no measurement."""
+
+
+class TruncatedError(ValueError):
+    """A file is shorter than its header says."""
+
+
+@contextmanager
+def open_page(path: Path, number: int = 0) -> Iterator[tifffile.TiffPage]:
+    """A page of a file, all of whose data are there.
+
+    Args:
+        path: of the file.
+        number: of the page, small copies of others not counted.
+
+    Raises:
+        TruncatedError: the file is shorter than it says.
+        tifffile.TiffFileError: it is none, or its header makes no sense.
+    """
+    with tifffile.TiffFile(path) as file:
+        page = full_pages(file)[number] if number else _first(file)
+        _check_directory(file, page)
+        _check_segments(page, file.filehandle.size)
+        yield page
+
+
+def full_pages(file: tifffile.TiffFile) -> list[tifffile.TiffPage]:
+    """Pages that are not small copies of others."""
+    pages = [page for page in file.pages if isinstance(page, tifffile.TiffPage)]
+    return [page for page in pages if not page.is_reduced] or pages[:1]
+
+
+def read_page(path: Path, page: tifffile.TiffPage) -> np.ndarray:
+    """The numbers of a page, (h, w) or (h, w, c), in the order of the file.
+
+    Raises:
+        ValueError: they cannot be unpacked, or a checksum is wrong.
+    """
+    if page.compression == LZW and page.index == 0 and str(page.dtype) in BY_OPENCV:
+        pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+        if pixels is None:
+            raise ValueError("its data are damaged")
+        if pixels.ndim == 2 or pixels.shape[2] == 3:
+            return pixels if pixels.ndim == 2 else pixels[..., ::-1]
+    found = page.asarray(maxworkers=1)
+    if page.planarconfig == tifffile.PLANARCONFIG.SEPARATE and found.ndim == 3:
+        return np.moveaxis(found, 0, -1)
+    return found
+
+
+def is_plain_colour(page: tifffile.TiffPage) -> bool:
+    """Whether its numbers are grey or RGB of 8 bits as they are."""
+    plain = (tifffile.PHOTOMETRIC.MINISBLACK, tifffile.PHOTOMETRIC.RGB)
+    whole_bytes = page.dtype is not None and page.bitspersample == 8 * page.dtype.itemsize
+    return page.photometric in plain and whole_bytes and colour_samples(page) in (1, 3)
+
+
+def has_eight_bits(page: tifffile.TiffPage) -> bool:
+    """Whether it shows a picture of 8 bits a channel, or of colours of 16, which can be reduced."""
+    if page.dtype is None or page.dtype.kind not in "ub":
+        return False
+    return page.dtype.itemsize == 1 or (page.dtype.itemsize == 2 and colour_samples(page) >= 3)
+
+
+def colour_samples(page: tifffile.TiffPage) -> int:
+    """Samples of a pixel, transparency not counted, which some programs do not mark as such."""
+    if page.photometric == tifffile.PHOTOMETRIC.RGB:
+        return min(page.samplesperpixel, 3)
+    return page.samplesperpixel - sum(int(kind) in ALPHA for kind in page.extrasamples)
+
+
+def _first(file: tifffile.TiffFile) -> tifffile.TiffPage:
+    page = file.pages[0]
+    assert isinstance(page, tifffile.TiffPage)
+    return page
+
+
+def _check_directory(file: tifffile.TiffFile, page: tifffile.TiffPage) -> None:
+    """Its tags, and behind them the place of the next page, are there to the last byte."""
+    count, tag, place = (8, 20, 8) if file.is_bigtiff else (2, 12, 4)
+    file.filehandle.seek(page.offset)
+    order: Literal["little", "big"] = "little" if file.byteorder == "<" else "big"
+    tags = int.from_bytes(file.filehandle.read(count), order)
+    if page.offset + count + tag * tags + place > file.filehandle.size:
+        raise TruncatedError("it is truncated")
+
+
+def _check_segments(page: tifffile.TiffPage, size: int) -> None:
+    ends = [start + count for start, count in zip(page.dataoffsets, page.databytecounts, strict=True)]
+    if not ends or min(page.databytecounts) == 0 or max(ends) > size:
+        raise TruncatedError("it is truncated")

@@ -1,0 +1,140 @@
+"""Files that hold many pictures: videos, animations, and the pages of a TIFF."""
+
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+from PIL import Image
+
+from col3d.checks import DataError
+from col3d.data.containers import missing_bytes
+from col3d.data.decode import TAKEN, read_rgb8, refusals
+from col3d.data.headers import check_photo, read_header
+from col3d.data.sources import ImageSource, Shot, check_sides
+from col3d.formats import MOVING_FORMATS, image_format, open_video
+
+GIF_END = b";"
+
+
+class VideoFile(ImageSource):
+    """The frames of a video file, as far as it can be decoded.
+
+    How many there are is known when the last has come: what a container says of it is the product of its
+    length and a rate, which need not be the same throughout.
+
+    Raises:
+        DataError: it cannot be opened.
+    """
+
+    is_video = True
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.name, self.paths = path, path.stem, (path,)
+        capture = open_video(path)
+        if not capture.isOpened():
+            raise DataError(f"{path}: cannot be opened as a video")
+        width, height = (capture.get(key) for key in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
+        self.size_hw = (int(height), int(width))
+        check_sides(path, *self.size_hw)
+        self.fps = capture.get(cv2.CAP_PROP_FPS) or None
+        self.count = max(int(capture.get(cv2.CAP_PROP_FRAME_COUNT)), 0)
+        capture.release()
+
+    def sizes(self) -> Iterator[tuple[int, int]]:
+        """The one of all frames."""
+        yield self.size_hw
+
+    def __iter__(self) -> Iterator[Shot]:
+        capture = open_video(self.path)
+        number = 0
+        try:
+            while True:
+                read, frame = capture.read()
+                if not read:
+                    break
+                yield Shot(f"{number:06d}", number, cv2.cvtColor(frame, cv2.COLOR_BGR2RGB))
+                number += 1
+        finally:
+            capture.release()
+        if missing := missing_bytes(self.path):
+            fault = f"the file is cut off: {missing} bytes are missing, {number} frames are there"
+            yield Shot(f"{number:06d}", number, None, f"{self.path}: {fault}")
+
+
+class Pictures(ImageSource):
+    """The frames of a GIF, WebP or APNG, or the pages of a TIFF.
+
+    Args:
+        path: of the file.
+
+    Raises:
+        DataError: it is none of these, or cut off.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.name, self.paths = path, path.stem, (path,)
+        self.format = image_format(path)
+        if self.format == "GIF":
+            self.size_hw, self.count = _animation(path)
+        else:
+            header = read_header(path)
+            check_photo(path, header)
+            self.size_hw, self.count = header.size_hw, header.pages
+        check_sides(path, *self.size_hw)
+        self.is_video = self.format != "TIFF" and self.count > 1
+        self.fps = _rate(path) if self.is_video else None
+
+    def sizes(self) -> Iterator[tuple[int, int]]:
+        """That of the first picture."""
+        yield self.size_hw
+
+    def __iter__(self) -> Iterator[Shot]:
+        for number in range(self.count):
+            name = f"{number:06d}" if self.count > 1 else self.name
+            try:
+                yield Shot(name, number, self._picture(number))
+            except DataError as error:
+                yield Shot(name, number, None, f"{error} (picture {number + 1} of {self.count})")
+
+    def _picture(self, number: int) -> np.ndarray:
+        if self.format == "TIFF":
+            return read_rgb8(self.path, number)
+        with refusals(self.path), warnings.catch_warnings(action="ignore"), _opened(self.path) as image:
+            image.seek(number)
+            return np.asarray(image.convert("RGB"))
+
+
+def as_pictures(path: Path) -> Pictures | None:
+    """A file as `Pictures` if it holds several, or is a GIF; None of a photo.
+
+    Raises:
+        DataError: it is none of the formats that are taken, or cut off.
+    """
+    name = image_format(path)
+    if name not in MOVING_FORMATS:
+        raise DataError(f"{path}: not a readable image ({TAKEN})")
+    if name == "JPEG" or (name != "GIF" and read_header(path).pages == 1):
+        return None
+    return Pictures(path)
+
+
+def _opened(path: Path) -> Image.Image:
+    return Image.open(path, formats=MOVING_FORMATS)
+
+
+def _animation(path: Path) -> tuple[tuple[int, int], int]:
+    """Height and width, and the number of frames, of a GIF."""
+    if not path.read_bytes().rstrip(b"\0").endswith(GIF_END):
+        raise DataError(f"{path}: the file is cut off; copy it again")
+    with refusals(path), warnings.catch_warnings(action="ignore"), _opened(path) as image:
+        return (image.height, image.width), int(getattr(image, "n_frames", 1))
+
+
+def _rate(path: Path) -> float | None:
+    """Frames a second, as long as the first is shown."""
+    with refusals(path), warnings.catch_warnings(action="ignore"), _opened(path) as image:
+        image.load()  # of a WebP nothing is known before
+        milliseconds = float(image.info.get("duration", 0))
+    return 1000 / milliseconds if milliseconds > 0 else None

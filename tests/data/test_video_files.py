@@ -1,0 +1,197 @@
+"""Videos and files of several pictures: every frame is taken, and only what is missing is missed."""
+
+import struct
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import tifffile
+from PIL import Image
+
+from col3d.checks import DataError
+from col3d.data.containers import missing_bytes
+from col3d.data.images import image_source
+from col3d.data.sources import Shot
+
+SIZE = (64, 96)
+SHADES = (20, 60, 100, 140, 180)
+
+
+LISTS = (b"#EXTM3U\n#EXTINF:1,\nreal.mp4\n", b"ffconcat version 1.0\nfile real.mp4\n")
+
+
+def frame(shade: int) -> np.ndarray:
+    return np.full((*SIZE, 3), shade, np.uint8)
+
+
+def video(path: Path, code: str = "mp4v", frames: int = 5) -> Path:
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*code), 25, SIZE[::-1])
+    for number in range(frames):
+        writer.write(frame(SHADES[number % len(SHADES)]))
+    writer.release()
+    return path
+
+
+def read(path: Path) -> tuple[list[int], list[str]]:
+    """The shade of each picture, and what is wrong."""
+    shots: list[Shot] = list(image_source(str(path)))
+    shades = [round(float(shot.image[..., 0].mean())) for shot in shots if shot.image is not None]
+    return shades, [shot.fault for shot in shots if shot.fault]
+
+
+@pytest.mark.parametrize(
+    ("written", "code", "name"),
+    [
+        ("a.ts", "mpg2", "a.ts"),
+        ("a.ts", "mpg2", "a.m2ts"),
+        ("a.mpg", "mpg1", "a.vob"),
+        ("a.mp4", "mp4v", "a.3gp"),
+        ("a.mp4", "mp4v", "clip"),
+        ("a.avi", "MJPG", "a.dat"),
+        ("a.flv", "FLV1", "a.flv"),
+        ("a.mkv", "mp4v", "recording.bin"),
+    ],
+)
+def test_what_is_in_a_file_makes_it_a_video(written: str, code: str, name: str, tmp_path: Path) -> None:
+    path = video(tmp_path / written, code).rename(tmp_path / name)
+    source = image_source(str(path))
+    shades, faults = read(path)
+    assert source.is_video
+    assert np.abs(np.subtract(shades, SHADES)).max() < 8
+    assert faults == []
+
+
+@pytest.mark.parametrize("name", ["notes.txt", "a.csv", "clip", "a.m3u8", "a.ts"])
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"no video", b"#EXTM3U\n#EXTINF:1,\nreal.mp4\n", b"ffconcat version 1.0\nfile real.mp4\n"],
+)
+def test_what_is_neither_is_refused_before_anything_else(name: str, content: bytes, tmp_path: Path) -> None:
+    video(tmp_path / "real.mp4")
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(DataError, match=rf"{name}: cannot be opened as a video, and is no image either"):
+        image_source(str(tmp_path / name))
+
+
+def test_frames_at_uneven_times_are_not_counted_against_a_rate(tmp_path: Path) -> None:
+    """A container of 30 frames in 4 seconds whose rate is 30 a second says 120."""
+    path = video(tmp_path / "a.mkv")
+    source = image_source(str(path))
+    source.count = 120
+    assert len(list(source)) == 5
+    assert [shot.fault for shot in source if shot.fault] == []
+
+
+@pytest.mark.parametrize("name", ["a.mp4", "a.mov", "a.avi", "a.mkv"])
+def test_a_video_that_is_cut_off_says_so(name: str, tmp_path: Path) -> None:
+    path = video(tmp_path / name, "MJPG", 40)
+    assert missing_bytes(path) == 0
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-1000])
+    assert 0 < missing_bytes(path) <= 1000
+    if name in ("a.avi", "a.mkv"):  # the others keep the table of their frames at the end
+        shades, faults = read(path)
+        assert 10 < len(shades) <= 40
+        assert faults == [
+            f"{path}: the file is cut off: 1000 bytes are missing, {len(shades)} frames are there"
+        ]
+    else:
+        with pytest.raises(DataError, match="cannot be opened as a video"):
+            image_source(str(path))
+
+
+def test_bytes_that_containers_announce(tmp_path: Path) -> None:
+    box = struct.pack(">I4s", 16, b"ftyp") + bytes(8)
+    large = struct.pack(">I4sQ", 1, b"mdat", 40) + bytes(24)
+    rest = struct.pack(">I4s", 0, b"mdat") + bytes(9)
+    riff = b"RIFF" + struct.pack("<I", 13) + b"AVI " + bytes(9)
+    head = b"\x1a\x45\xdf\xa3\x83abc\x18\x53\x80\x67"
+    for content, missing in (
+        (box + large, 0),
+        (box + large[:-7], 7),
+        (box + rest, 0),
+        (riff + b"\0" + riff, 0),
+        (riff + b"\0" + riff[:-4], 4),
+        (head + b"\x85abcde", 0),
+        (head + b"\x40\x05abc", 2),
+        (head + b"\x01" + b"\xff" * 7 + b"abc", 0),
+        (b"something else", 0),
+        (b"", 0),
+    ):
+        (tmp_path / "a").write_bytes(content)
+        assert missing_bytes(tmp_path / "a") == missing
+
+
+def animated(path: Path) -> Path:
+    pictures = [Image.fromarray(frame(shade)) for shade in SHADES]
+    pictures[0].save(path, save_all=True, append_images=pictures[1:], duration=40, lossless=True)
+    return path
+
+
+@pytest.mark.parametrize("name", ["a.gif", "a.webp", "a.png", "a.apng"])
+def test_every_frame_of_an_animation_is_taken(name: str, tmp_path: Path) -> None:
+    path = animated(tmp_path / name)
+    source = image_source(str(path))
+    shades, faults = read(path)
+    assert source.is_video
+    assert (source.count, source.fps) == (5, 25)
+    assert np.abs(np.subtract(shades, SHADES)).max() <= 4
+    assert faults == []
+    assert [shot.name for shot in source][:2] == ["000000", "000001"]
+
+
+@pytest.mark.parametrize("name", ["a.gif", "a.webp", "a.png"])
+@pytest.mark.parametrize("kept", [0.5, 0.9, -1])
+def test_an_animation_that_is_cut_off_is_refused(name: str, kept: float, tmp_path: Path) -> None:
+    path = animated(tmp_path / name)
+    content = path.read_bytes()
+    path.write_bytes(content[: int(len(content) * kept)] if kept > 0 else content[:-1])
+    with pytest.raises(DataError, match=rf"{name}: "):
+        image_source(str(path))
+
+
+def test_a_gif_of_one_picture_is_an_image(tmp_path: Path) -> None:
+    Image.fromarray(frame(60)).save(tmp_path / "a.gif")
+    source = image_source(str(tmp_path / "a.gif"))
+    assert not source.is_video
+    assert [shot.name for shot in source] == ["a"]
+
+
+@pytest.mark.parametrize("compression", [None, "lzw", "zlib", "jpeg"])
+def test_every_page_of_a_tiff_is_taken(compression: str | None, tmp_path: Path) -> None:
+    path = tmp_path / "a.tif"
+    with tifffile.TiffWriter(path) as file:
+        for shade in SHADES:
+            file.write(frame(shade), photometric="rgb", compression=compression)
+            file.write(frame(255)[::4, ::4], photometric="rgb", subfiletype=1)
+    shades, faults = read(path)
+    assert np.abs(np.subtract(shades, SHADES)).max() <= 1
+    assert faults == []
+    assert not image_source(str(path)).is_video
+
+
+def test_pages_of_other_colours_are_converted(tmp_path: Path) -> None:
+    modes = zip(SHADES, ("L", "P", "CMYK", "RGBA", "RGB"), strict=True)
+    pages = [Image.fromarray(frame(shade)).convert(mode) for shade, mode in modes]
+    pages[0].save(tmp_path / "a.tif", save_all=True, append_images=pages[1:])
+    shades, faults = read(tmp_path / "a.tif")
+    assert np.abs(np.subtract(shades, SHADES)).max() <= 1
+    assert faults == []
+
+
+def test_a_broken_page_is_named_and_the_others_are_taken(tmp_path: Path) -> None:
+    path = tmp_path / "a.tif"
+    with tifffile.TiffWriter(path) as file:
+        for shade in SHADES:
+            file.write(frame(shade), photometric="rgb", compression="zlib")
+    with tifffile.TiffFile(path) as file:
+        start = file.pages[2].dataoffsets[0]
+    content = bytearray(path.read_bytes())
+    content[start + 5 : start + 40] = bytes(35)
+    path.write_bytes(content)
+    shades, faults = read(path)
+    assert shades == [20, 60, 140, 180]
+    assert len(faults) == 1
+    assert faults[0].startswith(f"{path}: cannot be decoded")
+    assert faults[0].endswith("(picture 3 of 5)")
