@@ -1,6 +1,7 @@
 """The camera that a user names: a lens of a data set, a pinhole's four numbers, a file, or none."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from jaxtyping import Bool
@@ -63,7 +64,7 @@ def camera_at(lens: Camera, size_hw: tuple[int, int]) -> Camera:
         DataError: their sides have another ratio.
     """
     if lens.size_hw == (0, 0):
-        return PinholeCamera(size_hw, lens.centre, lens.stretch)
+        return replace(lens, size_hw=size_hw)
     (height, width), (full_height, full_width) = size_hw, lens.size_hw
     if abs(height * full_width / (width * full_height) - 1) > SQUEEZE:
         raise DataError(

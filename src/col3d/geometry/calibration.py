@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from col3d.geometry.camera import BY_COLUMNS, BY_ROWS, OmnidirectionalCamera, stretch_matrix
+from col3d.geometry.omnidirectional import BY_COLUMNS, BY_ROWS, OmnidirectionalCamera, stretch_matrix
 
 OCAMCALIB = "#polynomial coefficients"
 """How `calib_results.txt` begins."""

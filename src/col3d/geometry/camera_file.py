@@ -19,7 +19,8 @@ import torch
 from col3d.checks import DataError, check_known
 from col3d.geometry import calibration
 from col3d.geometry.calibration import check_rest, checked_size, numbers
-from col3d.geometry.camera import Camera, OmnidirectionalCamera, PinholeCamera
+from col3d.geometry.camera import Camera, PinholeCamera
+from col3d.geometry.omnidirectional import OmnidirectionalCamera
 
 MODELS: dict[str, type[Camera]] = {"pinhole": PinholeCamera, "omnidirectional": OmnidirectionalCamera}
 ROUND_TRIP = 1e-3
