@@ -46,8 +46,8 @@ class Camera(ABC):
     def rays(self) -> Float[Tensor, "3 h w"]:
         """Unit viewing direction of every pixel (float32, computed once per camera; do not write into it).
 
-        Pixels outside the image circle have none: theirs is that of the nearest pixel towards the optical axis
-        which has one, so that networks get finite numbers. `sees` tells them apart.
+        Pixels outside the image circle have none: theirs is that of the nearest pixel towards the optical
+        axis which has one, so that networks get finite numbers. `sees` tells them apart.
         """
         return _rays(self)
 

@@ -58,14 +58,14 @@ class FisheyeCamera(RadialCamera):
         return _widest(self.distortion)
 
     def profile(self, radius: Tensor) -> Tensor:
-        """r / tan(t); NaN beyond the image circle."""
+        """The profile r / tan(t); NaN beyond the image circle."""
         angle = inverse(self._radius, self._slope, self.widest_angle, radius)
         ahead = radius > 0
         sine = torch.where(ahead, angle.sin(), 1.0)
         return torch.where(ahead, radius.double() * angle.cos() / sine, 1.0).to(radius.dtype)
 
     def plane_radius(self, across: Tensor, along: Tensor) -> Tensor:
-        """r of the angle; NaN beyond the widest one."""
+        """Radius r of the angle; NaN beyond the widest one."""
         angle = torch.atan2(across.double(), along.double())
         return torch.where(angle <= self.widest_angle, self._radius(angle), torch.nan).to(across.dtype)
 

@@ -11,7 +11,7 @@ Function = Callable[[Tensor], Tensor]
 
 
 def inverse(function: Function, slope: Function, limit: float, values: Tensor) -> Tensor:
-    """x in [0, limit] with function(x) = value, float64; NaN where there is none; differentiable in the values.
+    """Solve function(x) = value for x in [0, limit], in float64; differentiable; NaN where nothing does.
 
     Newton's method keeps to the interval of a table that the root lies in, so that it converges up to the
     very end, where the slope may be zero.

@@ -90,7 +90,10 @@ class RadialTangentialCamera(Camera):
         ahead = points[..., 2] > 0
         x, y = (points[..., :2] / torch.where(ahead, points[..., 2], 1.0)[..., None]).unbind(dim=-1)
         holds = ahead & self._holds(x, y)
-        x, y = torch.where(holds, x, 0.0), torch.where(holds, y, 0.0)  # what is not chosen has a gradient, too
+        x, y = (
+            torch.where(holds, x, 0.0),
+            torch.where(holds, y, 0.0),
+        )  # all have a gradient
         return torch.where(holds[..., None], self._distorted(x, y), torch.nan)
 
     def _turned(self, turn: Matrix2) -> "RadialTangentialCamera":
