@@ -1,5 +1,6 @@
 """Every option with its type and range: the composed configuration is checked before anything is built."""
 
+import re
 from typing import Annotated, Any, Literal
 
 from pydantic import (
@@ -490,6 +491,34 @@ class VerifyOptions(Options):
     def _fits(self) -> "VerifyOptions":
         if self.data.test or self.data.also:
             raise ValueError("data.test, data.also: are of trainings; verify.py checks data=...")
+        return self
+
+
+class DownloadOptions(Options):
+    """Everything that `download.py` takes."""
+
+    data: DataOptions
+    videos: Literal["split", "all"] | Annotated[list[str], Field(min_length=1)]
+    accept_licence: bool
+    keep: bool
+    parallel: Annotated[int, Field(ge=1, le=16)]
+    attempts: Annotated[int, Field(ge=1, le=1000)]
+    timeout: Annotated[float, Field(gt=0, le=3600)]
+    server: str
+    doi: str
+
+    @model_validator(mode="after")
+    def _is_published_there(self) -> "DownloadOptions":
+        if not re.fullmatch(r"https?://[^/\s?#]+(/[^\s?#]*)?", self.server):
+            raise ValueError(
+                f"server: expected an address such as https://archive.data.jhu.edu, got {self.server!r}"
+            )
+        if not re.fullmatch(r"(doi|hdl):\S+", self.doi):
+            raise ValueError(f"doi: expected one such as doi:10.7281/T1/JC64MK, got {self.doi!r}")
+        if self.data.name not in ("c3vd", "c3vdv2"):
+            raise ValueError(f"data: c3vd and c3vdv2 can be downloaded, got data={self.data.name}")
+        if self.data.test or self.data.also:
+            raise ValueError("data.test, data.also: are of trainings; download.py fetches data=...")
         return self
 
 

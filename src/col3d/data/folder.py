@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Shaped
+from jaxtyping import Bool, Shaped
+from torch import Tensor
 
 from col3d.checks import DataError
 from col3d.data.depth_files import check_depth_file, read_depth_file
@@ -27,7 +28,7 @@ class FolderFrames(FrameSet):
             infinite or NaN is unknown.
         depth_unit: millimetres that 1 in a depth file stands for.
         max_depth: millimetres; what lies beyond does not count.
-        camera_file: in the root; see `col3d.geometry.camera_file`.
+        camera_file: in the root; `docs/cameras.md` lists what is read. What it does not see does not count.
         normals: `derived` from the depth, or `none`.
         depth_channel: of a depth file whose channels differ, the one that is depth, counted from 0.
     """
@@ -55,6 +56,8 @@ class FolderFrames(FrameSet):
         check_root(Path(root))
         super().__init__(root, videos, read_camera(Path(root) / camera_file), normals)
         self.releases = {}
+        seen = self.camera.sees()
+        self.view = None if bool(seen.all()) else seen
 
     def decoding(self) -> dict[str, Any]:
         """Options that decide what codes in files mean."""
@@ -83,6 +86,10 @@ class FolderFrames(FrameSet):
             DataError: the file is not what it should be.
         """
         return read_depth_file(path, self.camera.size_hw, self.depth_channel)
+
+    def field_of_view(self) -> Bool[Tensor, "1 h w"] | None:
+        """Pixels with a ray less than 90 degrees from the axis; None where all have."""
+        return self.view
 
     def decoded_depth(self, codes: Shaped[np.ndarray, "h w"]) -> Depth:
         """Depth by its codes, of all pixels or of some, as they are stored."""
