@@ -154,6 +154,8 @@ class LayoutOptions(Options):
     max_depth: PositiveFloat
     camera_file: str
     depth_channel: Annotated[int, Field(ge=0)] | None = None
+    depth_offset: int | None = None
+    stamp_tolerance: PositiveFloat = 0.02
 
 
 class SourceOptions(Options):

@@ -18,7 +18,8 @@ from torch import Tensor
 
 from col3d.checks import DataError, check_known
 from col3d.data.files import read_grey, read_rgb
-from col3d.data.frames import Depth, Frame, FrameSet, Kind, Take, everywhere
+from col3d.data.frame_files import Frame, Kind
+from col3d.data.frames import Depth, FrameSet, Take, everywhere
 from col3d.data.octagon import octagon_mask
 from col3d.data.release import (
     AGREEMENT,

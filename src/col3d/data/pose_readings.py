@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Float64
 
 from col3d.checks import DataError
-from col3d.data.frames import Depth, Frame, FrameSet
+from col3d.data.frame_files import Frame
+from col3d.data.frames import Depth, FrameSet
 from col3d.data.verify.frame import read_depth
 from col3d.data.verify.reproject import reproject
 

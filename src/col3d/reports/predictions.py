@@ -70,6 +70,7 @@ class PredictionWriter:
             self.video = video
             self.owned.claim(f"{video}.npz")
             partial = self.folder / f"{video}.npz.partial"
+            partial.parent.mkdir(parents=True, exist_ok=True)  # names of videos may have folders in them
             self.archive = zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED, compresslevel=1)
         codes = np.round(depth.clip(0, self.facts["max_depth"]) / self.facts["max_depth"] * DEPTH_STEPS)
         self._put(f"{frame}_depth", codes.astype(np.uint16))
@@ -154,12 +155,13 @@ class StoredPredictions:
     def frames(self) -> list[tuple[str, int]]:
         """Videos and frames that are kept."""
         found = []
-        for path in sorted(self.folder.glob("*.npz")):
+        for path in sorted(self.folder.rglob("*.npz")):
             with np.load(path, allow_pickle=False) as stored:
                 numbers = [
                     int(name.removesuffix("_depth")) for name in stored.files if name.endswith("_depth")
                 ]
-            found += [(path.stem, number) for number in sorted(numbers)]
+            video = path.relative_to(self.folder).with_suffix("").as_posix()
+            found += [(video, number) for number in sorted(numbers)]
         return found
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from col3d.checks import DataError
-from col3d.data.frames import Frame
+from col3d.data.frame_files import Frame
 from col3d.geometry import Camera
 from col3d.geometry.camera_file import camera_from_plain, plain_from_camera
 
@@ -197,6 +197,17 @@ def sources_of(root: Path, frames: Sequence[Frame]) -> dict[str, tuple[int, int]
     """State of every file that frames are read from."""
     paths = [path for frame in frames for path in frame.files.values()]
     return {path.relative_to(root).as_posix(): state_of(path) for path in paths}
+
+
+def folder_of(store: Path, video: str) -> Path:
+    """Where a video is kept; folders in its name make no folders in the store."""
+    return store / video.replace("/", "__")
+
+
+def videos_in(store: Path) -> list[str]:
+    """Names of the videos in a store."""
+    stored = (read_video(path) for path in store.iterdir() if path.is_dir())
+    return sorted(video.video for video in stored if video is not None)
 
 
 def read_video(folder: Path) -> StoredVideo | None:
