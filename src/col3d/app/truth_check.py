@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
+import numpy as np
 from torch import Tensor
 
 from col3d.app.config import DataOptions, ProtocolOptions, SourceOptions
@@ -11,6 +12,12 @@ from col3d.checks import UserError
 from col3d.data.datamodule import Frames
 from col3d.data.sized import Joined, Resized, SizedFrames
 from col3d.losses.gradients import with_neighbours
+
+NEARLY_ALL = 0.95
+"""Share of a frame's pixels with depth from which nothing is said of it."""
+LEAST_MM = 1.0
+"""Median depth below which its unit is in doubt: no endoscope is that near to all that it sees."""
+UNIT = "data.layout.depth_unit"
 
 
 def check_truth(
@@ -35,7 +42,7 @@ def check_truth(
             what = "learned from" if part == "train" else "scored on"
             raise UserError(
                 f"data.split.{part}: none of its {_length(of_source)} frames in {source.root} has a pixel of "
-                f"valid depth{within}: nothing can be {what}"
+                f"valid depth{within}: nothing can be {what}{_depth_there(of_source, source)}"
             )
         if learns_normals and part == "train" and "normals" in frame and not _has_normals(of_source):
             raise UserError(
@@ -43,8 +50,12 @@ def check_truth(
                 f"known normals (data.normals={source.normals}), which this loss learns from; take a data "
                 "set that has them, or a model or loss without normals"
             )
-        if isinstance(of_source, SizedFrames) and not of_source.dense_truth and part != "val":
+        if part == "val" or not isinstance(of_source, SizedFrames) or of_source.dense_truth:
+            continue
+        if _share(frame["mask"]) < NEARLY_ALL:
             say(f"note: {source.root}: {_shares(of_source, frame)}")
+        if source.layout is not None and (note := _too_near(frame, source.layout.depth_unit)):
+            say(f"note: {source.root}: {note}")
 
 
 def has_truth(frames: Frames, span: list[float] | None = None) -> bool:
@@ -73,6 +84,29 @@ def _sets(frames: Mapping[str, Frames], data: DataOptions) -> Iterator[tuple[str
             yield part, source, of_source
 
 
+def _too_near(frame: Mapping[str, Any], unit: float) -> str:
+    """What is said of depth that an endoscope is hardly ever at."""
+    median = float(frame["depth"][frame["mask"]].median())
+    if median >= LEAST_MM:
+        return ""
+    where = f"depth of {frame['video']}, frame {int(frame['frame'])} is {median:.2g} mm in the median"
+    return f"{where}; if its files are in metres, say {UNIT}={1000 * unit:g}"
+
+
+def _depth_there(frames: Frames, source: SourceOptions) -> str:
+    """What depth of a described folder is in the unit that is said, though none of it counts."""
+    if not isinstance(frames, Resized) or source.layout is None:
+        return ""
+    stored = frames.frames.stored_depth(frames.frames.frames[0])
+    mm = stored.mm[np.isfinite(stored.mm) & (stored.mm > 0)]
+    if not len(mm):
+        return ""
+    return (
+        f"; that of the first frame is read as {mm.min():.3g} to {mm.max():.3g} mm, and what counts is up to "
+        f"data.layout.max_depth={source.layout.max_depth:g}: is {UNIT}={source.layout.depth_unit:g} right?"
+    )
+
+
 def _has_normals(frames: Frames) -> bool:
     return any(bool((frames[index]["normals"] != 0).any()) for index in range(_length(frames)))
 
@@ -93,8 +127,12 @@ def _shares(frames: SizedFrames, frame: Mapping[str, Any]) -> str:
     return said + f"; losses that compare neighbours (gradients, consistency) count {_percent(whole)}"
 
 
+def _share(mask: Tensor) -> float:
+    return mask.float().mean().item()
+
+
 def _percent(mask: Tensor) -> str:
-    return f"{100 * mask.float().mean().item():.1f} %"
+    return f"{100 * _share(mask):.1f} %"
 
 
 def _length(frames: Frames) -> int:

@@ -75,6 +75,10 @@ class FolderFrames(FrameSet):
         check_root(self.root)
         return {path.relative_to(self.root).as_posix(): path for path in self._videos(self.root, DEEPEST)}
 
+    def renamed(self) -> dict[str, str]:
+        """None: a video is called by where it lies."""
+        return {}
+
     def _videos(self, folder: Path, levels: int) -> Iterator[Path]:
         """Folders with images in them; of those without any all the way down, the topmost."""
         folders = (path for path in folder.iterdir() if path.is_dir() and not path.name.startswith("."))

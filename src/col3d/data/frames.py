@@ -174,10 +174,14 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
         if "depth" not in frame.files:
             nothing = torch.from_numpy(take(np.zeros(size_hw, np.float32)))[None]
             return nothing, nothing > 0
-        depth = self.decoded_depth(take(self.depth_codes(frame.files["depth"])))
+        depth = self.stored_depth(frame, take)
         known = depth.known if view is None else depth.known & take(view[0].numpy())
         mask = torch.from_numpy(known)[None]
         return torch.where(mask, torch.from_numpy(depth.mm)[None], 0.0), mask
+
+    def stored_depth(self, frame: Frame, take: Take = everywhere) -> Depth:
+        """Depth of a frame as its file says, whatever the field of view."""
+        return self.decoded_depth(take(self.depth_codes(frame.files["depth"])))
 
     def depth_codes(self, path: Path) -> Shaped[np.ndarray, "h w"]:
         """Depth as it is stored in a file.
