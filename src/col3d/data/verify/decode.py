@@ -26,9 +26,11 @@ def read_in_part(path: Path) -> np.ndarray | None:
     except DataError:
         pass
     try:
-        content = path.read_bytes()
+        name, content = image_format(path), path.read_bytes()
+        if name not in IMAGE_FORMATS:
+            return None
         with _leniently(), warnings.catch_warnings(action="ignore"):
-            return _pillow(content) if image_format(path) in QUIETLY else _opencv(content)
+            return _pillow(content) if name in QUIETLY else _opencv(content)
     except Exception:  # as in `read_whole`, where it is told
         return None
 
