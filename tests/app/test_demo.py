@@ -192,6 +192,14 @@ def test_a_video_comes_back_side_by_side(network: Learnt, tmp_path: Path) -> Non
     assert told == [0.5, 1.0]
 
 
+def test_an_animation_is_a_video_and_of_pages_the_first_is_shown(network: Learnt, tmp_path: Path) -> None:
+    pages = [Image.new("RGB", (80, 64), (shade, 40, 30)) for shade in (50, 90, 130)]
+    for name in ("a.gif", "a.tif"):
+        pages[0].save(tmp_path / name, save_all=True, append_images=pages[1:])
+    assert "3 frames, depth" in asked(network, tmp_path / "a.gif").words
+    assert asked(network, tmp_path / "a.tif").words.endswith("; the first of 3 pictures in it")
+
+
 def test_long_and_broken_videos_are_refused(network: Learnt, tmp_path: Path) -> None:
     assert "longer than 10 seconds or 150 frames" in asked(network, video(tmp_path / "a.mp4", 101)).words
     (tmp_path / "text.mp4").write_text("no video")

@@ -225,3 +225,77 @@ def test_numbers_of_a_pinhole_are_of_the_first_image(tiny_checkpoint: Path, tmp_
     corners = [points[0, :2] / points[0, 2] for points in (small, large)]
     assert corners[0] == pytest.approx([-40 / 60, -32 / 60], abs=1e-4)
     assert corners[1] == pytest.approx([-(40.5 - 0.25) / 60, -(32.5 - 0.25) / 60], abs=1e-4)
+
+
+class Decoded(Exception):
+    """A frame was decoded, or a network read."""
+
+
+def refuse_to_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fail as soon as a frame is decoded or a network is read."""
+
+    def fail(*_: object) -> None:
+        raise Decoded
+
+    monkeypatch.setattr("col3d.data.images.read_image", fail)
+    monkeypatch.setattr("col3d.data.video_files.VideoFile.__iter__", fail)
+    monkeypatch.setattr("col3d.app.predict.learnt", fail)
+
+
+@pytest.mark.parametrize("camera", ["c3vd", "simcol3d", "lens.json"])
+@pytest.mark.parametrize("kind", ["video", "image", "folder"])
+def test_a_lens_of_other_sides_is_refused_before_a_frame_is_decoded(
+    camera: str, kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    lens = {"model": "pinhole", "size": [100, 300], "fx": 60.0, "fy": 60.0, "cx": 150.0, "cy": 50.0}
+    Path("lens.json").write_text(json.dumps(lens))
+    writer = cv2.VideoWriter("clip.avi", cv2.VideoWriter.fourcc(*"MJPG"), 12, (96, 64))
+    Path("folder").mkdir()
+    for number in range(3):
+        picture = np.full((64, 96, 3), 50 * number, np.uint8)
+        writer.write(picture)
+        cv2.imwrite(f"folder/{number}.png", picture)
+    writer.release()
+    source = {"video": "clip.avi", "image": "folder/0.png", "folder": "folder"}[kind]
+    refuse_to_work(monkeypatch)
+    with pytest.raises(UserError, match=r"camera: the lens is of .* pixels and the image of 64 x 96"):
+        predicted(tmp_path / "any.ckpt", source, tmp_path / "out", f"camera={camera}")
+    with pytest.raises(Decoded):  # a lens that fits is no reason to refuse
+        predicted(tmp_path / "any.ckpt", source, tmp_path / "out", "camera=[60,60,48,32]")
+
+
+def test_a_folder_that_is_taken_is_refused_before_a_network_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cv2.imwrite(str(tmp_path / "a.png"), np.zeros((64, 80, 3), np.uint8))
+    (tmp_path / "out" / "frames").mkdir(parents=True)
+    (tmp_path / "out" / "frames" / "mine.txt").touch()
+    refuse_to_work(monkeypatch)
+    with pytest.raises(UserError, match="holds frames, which is of no prediction of this program"):
+        predicted(tmp_path / "any.ckpt", tmp_path / "a.png", tmp_path / "out")
+
+
+def test_what_is_left_out_is_said(
+    tiny_checkpoint: Path, phantom_root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "in"
+    folder.mkdir()
+    for name in ("0001.png", "0001_depth.png"):
+        shutil.copy(phantom_root / "desc_t4_a" / "0000_color.png", folder / name)
+    rows = predicted(tiny_checkpoint, folder, tmp_path / "out")
+    assert [row["name"] for row in rows] == ["0001"]
+    note = f"note: {folder}: left out, for they are no photos: 1 depth\n"
+    assert note in capsys.readouterr().out
+
+
+def test_every_page_is_predicted_under_a_name_of_its_own(tiny_checkpoint: Path, tmp_path: Path) -> None:
+    pages = [Image.new("RGB", (80, 64), (shade, 40, 30)) for shade in (50, 90, 130)]
+    pages[0].save(tmp_path / "stack.tif", save_all=True, append_images=pages[1:])
+    rows = predicted(tiny_checkpoint, tmp_path / "stack.tif", tmp_path / "out")
+    assert [(row["name"], row["fault"]) for row in rows] == [
+        ("000000", ""),
+        ("000001", ""),
+        ("000002", ""),
+    ]
+    assert len(list((tmp_path / "out" / "frames").glob("*_depth.tiff"))) == 3

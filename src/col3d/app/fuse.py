@@ -86,8 +86,9 @@ def fuse(given: Mapping[str, Any]) -> None:
 
 def _fuse(options: FuseOptions, stop: StopSignals) -> None:
     output = _checked_room(options)
-    network, frames = _network(options), _video(options)
+    frames = _video(options)
     poses = _poses(frames, options.poses)
+    network = _network(options)
     wall = _wall(frames)
     height, width = network.size_hw if network else options.size or SIZE
     resize = Resize((height, width), frames.camera)

@@ -1,5 +1,8 @@
 """Decoding image files strictly: what a decoder could only salvage is refused."""
 
+import io
+import math
+import struct
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -7,6 +10,7 @@ from pathlib import Path
 import cv2
 import imagecodecs
 import numpy as np
+import tifffile
 from jaxtyping import UInt8
 from kornia_rs.io import decode_image_jpegturbo
 from PIL import Image
@@ -20,6 +24,9 @@ cv2.setNumThreads(0)  # a pool of threads does not survive the fork of a loader'
 PNG_END = b"IEND\xaeB`\x82"
 JPEG_END = b"\xff\xd9"
 TAKEN = "PNG, JPEG, BMP, TIFF and WebP are taken"
+PNG_SIDES_AT = 16
+MOST_VALUES = 2**27
+"""Of pixels, or in TIFF of their channels; ninety times those of a frame of C3VD."""
 CUT_OFF, BROKEN = "it is truncated", "its data are truncated or damaged"
 COLOURS = cv2.IMREAD_COLOR_RGB | cv2.IMREAD_IGNORE_ORIENTATION
 Decoder = Callable[[Path], np.ndarray]
@@ -70,6 +77,26 @@ def not_eight_bits(path: Path, came: str) -> DataError:
     return DataError(f"{path}: expected an image of 8 bits a channel, got {came}")
 
 
+def check_count(count: int) -> None:
+    """Refuse more values than any image has, before there is memory for them.
+
+    Raises:
+        ValueError: names them.
+    """
+    if count > MOST_VALUES:
+        raise ValueError(f"its header speaks of {count:,} values, and no more than {MOST_VALUES:,} are taken")
+
+
+def check_page(page: tifffile.TiffPage) -> None:
+    """The same of a page, and of each of its tiles.
+
+    Raises:
+        ValueError: as of `check_count`.
+    """
+    check_count(page.size)
+    check_count(math.prod(page.chunks))
+
+
 @contextmanager
 def refusals(path: Path) -> Iterator[None]:
     """Turn whatever a decoder raises over a file into one error that names it.
@@ -104,6 +131,8 @@ def _decoder(path: Path, decoders: dict[str, Decoder]) -> Decoder:
 def _png(path: Path) -> np.ndarray:
     """A sixth faster than OpenCV; each checksum of its data has to be right and every row to be there."""
     content = path.read_bytes()
+    width, height = struct.unpack_from(">II", content, PNG_SIDES_AT)
+    check_count(width * height)
     pixels: np.ndarray = imagecodecs.png_decode(content)
     if content.rfind(PNG_END) < 0:
         raise TruncatedError(CUT_OFF)
@@ -113,6 +142,8 @@ def _png(path: Path) -> np.ndarray:
 def _jpeg(path: Path) -> np.ndarray:
     """libjpeg-turbo by its own interface, which reports what OpenCV and Pillow make up without a word."""
     content = path.read_bytes()
+    with Image.open(io.BytesIO(content), formats=["JPEG"]) as image:
+        check_count(image.width * image.height)
     try:
         return decode_image_jpegturbo(content, "rgb")
     except Exception:  # it has no type of its own
@@ -150,6 +181,7 @@ def _colours(pixels: np.ndarray | None) -> np.ndarray:
 
 def _tiff(path: Path) -> np.ndarray:
     with open_page(path) as page:
+        check_page(page)
         if (count := len(full_pages(page.parent))) > 1:
             raise several_pictures(path, count)
         return read_page(path, page)
@@ -158,6 +190,7 @@ def _tiff(path: Path) -> np.ndarray:
 def _colour_tiff(path: Path, number: int = 0) -> np.ndarray:
     """By OpenCV, which knows what the numbers of a page mean, unless they are plain colours."""
     with open_page(path, number) as page:
+        check_page(page)
         if not has_eight_bits(page):
             raise not_eight_bits(path, f"{page.samplesperpixel} of {page.bitspersample} bits")
         pixels = read_page(path, page)  # strictly, which OpenCV is not

@@ -8,7 +8,15 @@ import tifffile
 from PIL import Image
 
 from col3d.checks import DataError
-from col3d.data.decode import JPEG_END, PNG_END, TAKEN, not_eight_bits, read_whole, several_pictures
+from col3d.data.decode import (
+    JPEG_END,
+    PNG_END,
+    TAKEN,
+    check_page,
+    not_eight_bits,
+    read_whole,
+    several_pictures,
+)
 from col3d.data.tiff import TruncatedError, colour_samples, full_pages, has_eight_bits, open_page
 from col3d.formats import IMAGE_FORMATS, image_format
 
@@ -128,13 +136,15 @@ def _other_header(path: Path) -> Header:
 
 def _tiff_header(path: Path) -> Header:
     with open_page(path) as page:
+        check_page(page)
+        bits = page.bitspersample  # of each channel where they differ
         kind = "" if page.dtype is None else page.dtype.kind
         is_palette = page.photometric == tifffile.PHOTOMETRIC.PALETTE
         return Header(
             (page.imagelength, page.imagewidth),
             page.samplesperpixel,
             colour_samples(page),
-            page.bitspersample,
+            bits if isinstance(bits, int) else max(bits),
             len(full_pages(page.parent)),
             has_eight_bits(page),
             is_palette=is_palette,

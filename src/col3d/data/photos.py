@@ -48,11 +48,8 @@ class Photos:
         """What is left out, in a line; nothing where nothing is."""
         if not self.left_out:
             return ""
-        count, listed = (
-            sum(self.left_out.values()),
-            ", ".join(f"{n} {kind}" for kind, n in sorted(self.left_out.items())),
-        )
-        return f"note: {count} files of {place} are no photos and are left out: {listed}"
+        listed = ", ".join(f"{count} {kind}" for kind, count in sorted(self.left_out.items()))
+        return f"note: {place}: left out, for they are no photos: {listed}"
 
 
 def choose_photos(paths: Sequence[Path]) -> Photos:
@@ -108,7 +105,7 @@ def _kinds_by_type(paths: Sequence[Path]) -> dict[Path, str]:
             continue
         members = families[family]
         if not header.is_photo and photos:
-            found |= dict.fromkeys(members, f"of {header.bits} bits")
+            found |= dict.fromkeys(members, f"of {header.bits} bits a channel")
         elif header.is_photo and all(numbers and numbers in shown for numbers in _numbers(members)):
             found |= dict.fromkeys(members, "grey beside colours")
     return found

@@ -13,7 +13,7 @@ from col3d.checks import DataError, UserError
 from col3d.demo.answer import Answer, answer
 from col3d.demo.clips import CLIP_SIDE, write_clip
 from col3d.demo.points import write_points
-from col3d.demo.uploads import is_video, read_clip, read_photo, read_truth
+from col3d.demo.uploads import is_video, pictures_in, read_clip, read_photo, read_truth
 
 PINHOLE, UNKNOWN = "pinhole", "unknown"
 CAMERAS = {
@@ -99,12 +99,14 @@ def _of_image(network: Learnt, path: Path, question: Question, folder: Path) -> 
     image = read_photo(path)
     truth = None if question.truth is None else read_truth(Path(question.truth), image.shape[:2])
     found = answer(network, image, question.option, truth)
+    several = pictures_in(path)
+    first = f"; the first of {several} pictures in it" if several > 1 else ""
     if found.camera is None:
         aside = "" if truth is None else "; the true depth, in mm, is left aside"
-        return Reply(_words(path.name, found) + aside, answer=found)
+        return Reply(_words(path.name, found) + aside + first, answer=found)
     cloud = _new_file(folder, ".ply")
     write_points(found, cloud)
-    return Reply(_words(path.name, found), answer=found, cloud=str(cloud))
+    return Reply(_words(path.name, found) + first, answer=found, cloud=str(cloud))
 
 
 def _of_video(

@@ -12,9 +12,11 @@ from PIL import Image
 from col3d.checks import DataError
 from col3d.data.c3vd import MAX_DEPTH
 from col3d.data.depth_files import read_depth_file
-from col3d.data.images import IMAGE_ENDINGS, VideoFile, check_sides, read_image
+from col3d.data.headers import read_header
+from col3d.data.images import IMAGE_ENDINGS, check_sides, read_image
 from col3d.data.release import FULL_CODE
-from col3d.formats import IMAGE_FORMATS, image_format, open_video
+from col3d.data.video_files import Pictures, VideoFile
+from col3d.formats import IMAGE_FORMATS, image_format
 
 MOST_BYTES, MOST_PIXELS = 50_000_000, 25_000_000
 MOST_SECONDS, MOST_FRAMES = 10, 150
@@ -56,6 +58,11 @@ def read_photo(path: Path) -> UInt8[np.ndarray, "h w 3"]:
         raise DataError(str(error).replace(str(path), path.name)) from None
 
 
+def pictures_in(path: Path) -> int:
+    """How many pictures an image holds, of which the first is read."""
+    return read_header(path).pages
+
+
 def read_clip(path: Path, most_side: int) -> Clip:
     """An uploaded video, at most so large.
 
@@ -63,15 +70,13 @@ def read_clip(path: Path, most_side: int) -> Clip:
         DataError: it cannot be decoded, or is too long or too large.
     """
     _check_bytes(path)
-    capture = open_video(path)
-    width, height = (capture.get(key) for key in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
-    capture.release()
-    if width * height > MOST_PIXELS:
-        raise DataError(_too_many_pixels(path, int(height), int(width)))
     try:
-        video = VideoFile(path)
+        video = Pictures(path) if image_format(path) == "GIF" else VideoFile(path)
     except DataError as error:
         raise DataError(str(error).replace(str(path), path.name)) from None
+    height, width = video.size_hw
+    if width * height > MOST_PIXELS:
+        raise DataError(_too_many_pixels(path, height, width))
     fps = video.fps or 15.0
     most = min(MOST_FRAMES, int(MOST_SECONDS * fps))
     frames: list[np.ndarray] = []

@@ -15,6 +15,9 @@ from col3d.data.arrays import is_array, read_array
 from col3d.data.decode import read_whole
 from col3d.formats import IMAGE_FORMATS, image_format
 
+QUIETLY = ("PNG", "JPEG")
+"""Of which Pillow makes what it can, and says nothing."""
+
 
 def read_in_part(path: Path) -> np.ndarray | None:
     """All pixels of a file, or whatever there is of a broken image; None where that is nothing."""
@@ -23,9 +26,11 @@ def read_in_part(path: Path) -> np.ndarray | None:
     except DataError:
         pass
     try:
-        content = path.read_bytes()
+        name, content = image_format(path), path.read_bytes()
+        if name not in IMAGE_FORMATS:
+            return None
         with _leniently(), warnings.catch_warnings(action="ignore"):
-            return _pillow(content) if image_format(path) == "PNG" else _opencv(content)
+            return _pillow(content) if name in QUIETLY else _opencv(content)
     except Exception:  # as in `read_whole`, where it is told
         return None
 
