@@ -613,6 +613,26 @@ class ExportOptions(LearntOptions):
 
     output: str
     overwrite: bool
+    opset: Annotated[int, Field(ge=18, le=25)] | None
+    batch: Annotated[int, Field(ge=1, le=1024)] | None
+    half: bool
+
+    @model_validator(mode="after")
+    def _knows_its_own(self) -> "ExportOptions":
+        if self.max_depth is not None and self.published is None:
+            raise ValueError("max_depth: our checkpoints know theirs; it is for published weights")
+        return self
+
+    @model_validator(mode="after")
+    def _is_of_a_program(self) -> "ExportOptions":
+        given = {"size": self.size, "batch": self.batch, "half": self.half or None}
+        if self.output.endswith(".ckpt"):
+            for option, value in given.items():
+                if value is not None:
+                    raise ValueError(f"{option}: is of .onnx and .pt2; .ckpt has any size, in half precision")
+        if self.opset is not None and not self.output.endswith(".onnx"):
+            raise ValueError(f"opset: is of .onnx, got output={self.output}")
+        return self
 
     @model_validator(mode="after")
     def _fits(self) -> "ExportOptions":
