@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from col3d.checks import DataError
+from col3d.checks import DataError, DiskError
 from col3d.data.c3vd import C3VD
 from col3d.data.headers import read_header
 from col3d.data.photos import Photos, choose_photos, is_photo_folder, kind_by_name
@@ -48,6 +48,8 @@ class ImageFiles(ImageSource):
         for path in self.paths:
             try:
                 yield read_header(path).size_hw
+            except DiskError:
+                raise
             except DataError:
                 continue
 
@@ -55,6 +57,8 @@ class ImageFiles(ImageSource):
         for name, (number, path) in zip(self.names, self.files.items(), strict=True):
             try:
                 yield Shot(name, number, read_image(path))
+            except DiskError:
+                raise
             except DataError as error:
                 yield Shot(name, number, None, str(error))
 
