@@ -26,6 +26,16 @@ class TakenError(UserError):
     """Another process is at this job already."""
 
 
+def check_disk(path: Path, error: Exception) -> None:
+    """Tell a disk that fails from a file that is broken.
+
+    Raises:
+        DiskError: names the file, where it is the disk.
+    """
+    if isinstance(error, OSError) and error.errno in DISK_FAULTS:
+        raise DiskError(f"{path}: cannot be read ({error.strerror})") from None
+
+
 @contextmanager
 def naming(path: Path) -> Iterator[None]:
     """Let errors of the disk in the block name a file: a full one does not say of what.

@@ -7,7 +7,7 @@ from pathlib import Path
 import tifffile
 from PIL import Image
 
-from col3d.checks import DataError
+from col3d.checks import DataError, check_disk
 from col3d.data.decode import (
     JPEG_END,
     PNG_END,
@@ -75,6 +75,7 @@ def read_header(path: Path) -> Header:
     except FileNotFoundError:
         raise DataError(f"{path}: no such file") from None
     except Exception as error:  # headers that make no sense fail in many ways
+        check_disk(path, error)
         if "truncated" in str(error).lower():
             raise DataError(f"{path}: the file is cut off; copy it again") from None
         reason = " ".join(str(error).replace(str(path), "it").split())[:120] or type(error).__name__
