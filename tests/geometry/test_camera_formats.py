@@ -292,6 +292,20 @@ READ: dict[str, tuple[str, Camera]] = {
     "K, text with commas": ("75.0, 0, 63.0\n0, 76.0, 47.0\n0, 0, 1\nheight = 96\nwidth = 128\n", PINHOLE),
     "K, text of NumPy": ("# width = 128\n# height = 96\n7.5e+01 0 63.\n0 76 47\n0 0 1\n", PINHOLE),
     "K, printed by NumPy": (f"{np.array(MATRIX)}\nheight: 96\nwidth: 128", PINHOLE),
+    "K, as MATLAB writes it": ("[75 0 63; 0 76 47; 0 0 1]\nheight = 96\nwidth = 128", PINHOLE),
+    "K in JSON alone, sides wrapped": (
+        json.dumps({"cam_K": MATRIX, "size": SIDES, "depth_scale": 0.1}),
+        PINHOLE,
+    ),
+    "fields in fields": (
+        json.dumps({"intrinsics": FLAT, "distortion": BROWN, "resolution": SIDES, "model": "pinhole"}),
+        RADTAN_4,
+    ),
+    "COLMAP's k": (
+        json.dumps({"model": "SIMPLE_RADIAL", "f": 75.0, "cx": 63.0, "cy": 47.0, "k": K1} | SIDES),
+        RadialTangentialCamera.from_focal(SIZE, (75.0, 75.0), CENTRE, (K1, 0.0, 0.0, 0.0, 0.0, 0.0)),
+    ),
+    "four numbers": ("75 76 63 47\nheight = 96\nwidth = 128", PINHOLE),
     "K of four rows": (
         "75 0 63 0\n0 76 47 0\n0 0 1 0\n0 0 0 1\nheight: 96\nwidth: 128",
         PINHOLE,

@@ -19,7 +19,16 @@ ALIASES = {
     "f": ("focal", "focallength"),
     "cx": ("ppx", "u0", "pu"),
     "cy": ("ppy", "v0", "pv"),
-    "k": ("cameramatrix", "intrinsicmatrix", "intrinsics", "intrinsic", "cameraintrinsics", "matrix", "mtx"),
+    "k": (
+        "cameramatrix",
+        "intrinsicmatrix",
+        "intrinsics",
+        "intrinsic",
+        "cameraintrinsics",
+        "matrix",
+        "mtx",
+        "camk",
+    ),
     "d": (
         *("distortioncoefficients", "distortioncoeffs", "distortioncoeff", "distortionparameters"),
         *("distcoefficients", "distcoeffs", "distcoeff", "distortion", "dist", "coeffs"),
@@ -47,7 +56,18 @@ VECTORS = {
 }
 """OpenCV's order of distortion, by its length; there are longer ones, for thin prisms and tilted sensors."""
 LONGER = (12, 14)
-REMARKS = ("name", "cameraname", "cameraid", "comment", "description", "rms", "classname", "fps", "date")
+REMARKS = (
+    "name",
+    "cameraname",
+    "cameraid",
+    "comment",
+    "description",
+    "rms",
+    "classname",
+    "fps",
+    "date",
+    "depthscale",
+)
 """Fields that say nothing of a lens."""
 
 
@@ -66,6 +86,8 @@ def camera_from_numbers(given: Mapping[str, Any]) -> Camera:
     rest = renamed(given)
     for name in REMARKS:
         rest.pop(name, None)
+    if isinstance(rest.get("k"), int | float):  # COLMAP's name of k1, where there is no other
+        rest["k1"] = rest.pop("k") if "k1" not in rest else rest["k1"]
     size_hw = _size(rest)
     focal, centre, skew = _intrinsics(rest)
     is_fisheye = _is_fisheye(rest)
