@@ -120,6 +120,10 @@ READ: dict[str, tuple[str, Camera]] = {
     "C3VD's keys, lines =": (lines(SIDES | SCARAMUZZA | STRAIGHT, " = "), OMNIDIRECTIONAL),
     "C3VD's keys, lines :": (lines(SIDES | SCARAMUZZA | STRAIGHT, ": "), OMNIDIRECTIONAL),
     "C3VD's keys, upper case lines": (lines(SIDES | SCARAMUZZA, "=").upper(), OMNIDIRECTIONAL),
+    "numbers next to nothing": (
+        json.dumps({"K": MATRIX, "D": [K1, K2, P1, P2, 1e-320]} | SIDES),
+        RadialTangentialCamera.from_focal(SIZE, FOCAL, CENTRE, (K1, K2, 1e-320, 0.0, 0.0, 0.0), (P1, P2)),
+    ),
     "C3VD's keys, no a1": (
         json.dumps(SIDES | {n: v for n, v in SCARAMUZZA.items() if n != "a1"}),
         OMNIDIRECTIONAL,
@@ -470,6 +474,14 @@ REFUSED: dict[str, tuple[str, str]] = {
         r"xi: no such field",
     ),
     "two cameras in a storage": (storage(".yml", M1=1.0, M2=2.0), r"expected one camera, got two"),
+    "a stretch that is flat": (
+        json.dumps(SIDES | SCARAMUZZA | STRAIGHT | {"c": 0.0}),
+        r"stretch: expected a matrix",
+    ),
+    "a block of text for a camera": (
+        "cam0: |\n  a: 1\n  b: 2\n",
+        r"expected fields of a camera, got a: 1 b: 2",
+    ),
     "other XML": ("<svg></svg>", r"expected <opencv_storage> or one <camera_model>, got 0 in <svg>"),
     "XML with entities": ('<!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>', r"expected XML without declarations"),
     "broken XML": ("<opencv_storage>", r"expected XML that can be read"),
