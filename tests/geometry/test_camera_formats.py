@@ -383,10 +383,13 @@ REFUSED: dict[str, tuple[str, str]] = {
         json.dumps({"image_size": [128, 96]} | FLAT),
         r"image_size: expected height and width under",
     ),
-    "either family, named": (json.dumps(SIDES | FLAT | KB4), r"model: expected fisheye or radial_tangential"),
+    "either family, named": (
+        json.dumps(SIDES | FLAT | KB4),
+        r"model: expected pinhole, .*polynomial.* fisheye or",
+    ),
     "either family, a vector": (
         json.dumps({"K": MATRIX, "D": list(KB4.values())} | SIDES),
-        r"model: expected fisheye or radial_tangential",
+        r"model: expected pinhole, .*polynomial.* fisheye or",
     ),
     "both families": (
         json.dumps({"model": "fisheye", "distortion_model": "plumb_bob"} | SIDES | FLAT),
@@ -417,7 +420,11 @@ REFUSED: dict[str, tuple[str, str]] = {
         json.dumps({"model": "double_sphere"} | SIDES | FLAT),
         r"model: 'double_sphere' is not read; fit .*polynomial",
     ),
-    "no such field": (json.dumps({"xi": 1.2} | SIDES | FLAT), r"xi: no such field"),
+    "no such field": (json.dumps({"zoom": 1.2} | SIDES | FLAT), r"zoom: no such field"),
+    "fields of another lens": (
+        json.dumps({"s1": 0.1, "xi": 1.2} | SIDES | FLAT),
+        r"s1, xi: of a lens that is not read; fit .*polynomial",
+    ),
     "no focal length": (json.dumps(SIDES | FLAT | {"fx": 0.0}), r"fx, fy: expected numbers above 0"),
     "numbers that are none": (
         json.dumps(SIDES | FLAT | {"k1": float("nan")}),
@@ -471,7 +478,7 @@ REFUSED: dict[str, tuple[str, str]] = {
     ),
     "Mei's model in a storage": (
         storage(".yml", image_width=128, image_height=96, xi=1.2),
-        r"xi: no such field",
+        r"xi: of a lens that is not read; fit .*polynomial",
     ),
     "two cameras in a storage": (storage(".yml", M1=1.0, M2=2.0), r"expected one camera, got two"),
     "a stretch that is flat": (

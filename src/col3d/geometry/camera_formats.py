@@ -10,6 +10,7 @@ from col3d.geometry.lens_numbers import (
     ALIASES,
     HOW_TO,
     NAMES,
+    OTHER_LENSES,
     RADIAL,
     TANGENTIAL,
     focal_from_angle,
@@ -35,8 +36,6 @@ WRAPPERS = ("intrinsic", "intrinsics", "camera", "distortion", "resolution", "si
 """Fields that may hold those of the lens."""
 POSES = ("extrinsic", "extrinsics", "pose")
 LENS = {"size", "imagesize", "isfisheye", "fisheyemodel", "skew", *RADIAL, *TANGENTIAL, *ALIASES}
-OTHER_LENSES = {"xi", "alpha", "beta", "s1", "s2", "s3", "s4", "taux", "tauy", "omega", "a0"}
-"""Fields of lenses that are not read, and must not be passed over."""
 
 
 def fields_of(plain: Mapping[str, Any]) -> tuple[dict[str, Any], str]:
