@@ -301,3 +301,77 @@ def test_a_plane_under_a_pinhole_faces_it() -> None:
     normals = normals_from_depth(torch.full((1, 1, 8, 9), 50.0), camera.rays())
     expected = torch.tensor([0.0, 0.0, -1.0]).view(1, 3, 1, 1).expand(1, 3, 8, 9)
     torch.testing.assert_close(normals, expected, atol=1e-5, rtol=0)
+
+
+@pytest.mark.parametrize("kind", CAMERAS)
+def test_unproject_is_differentiable(kind: str) -> None:
+    camera = CAMERAS[kind].resized((200, 300))
+    pixels = torch.tensor(
+        [[150.3, 99.1], [31.0, 40.0], [270.0, 180.0]], dtype=torch.float64, requires_grad=True
+    )
+    assert torch.autograd.gradcheck(camera.unproject, (pixels,))
+
+
+def test_a_fisheye_sees_beyond_ninety_degrees_but_no_depth_there() -> None:
+    """r = f t: angles are radii, so that all is known in closed form."""
+    camera = FisheyeCamera.from_focal((120, 160), (40.0, 40.0), (79.5, 59.5))
+    v, u = torch.meshgrid(
+        torch.arange(120, dtype=torch.float64), torch.arange(160, dtype=torch.float64), indexing="ij"
+    )
+    angle = torch.hypot(u - 79.5, v - 59.5) / 40.0
+    pixels = torch.stack([u, v], dim=-1)
+    rays = camera.unproject(pixels)
+    torch.testing.assert_close(torch.arccos(rays[..., 2]), angle, atol=1e-9, rtol=0)
+    assert angle.max() > math.radians(140)
+    torch.testing.assert_close(camera.project(50 * rays), pixels, atol=1e-9, rtol=0)
+    assert torch.equal(camera.sees()[0], angle < math.acos(1e-3))
+
+
+@pytest.mark.parametrize(
+    ("radial", "tangential"),
+    [
+        ((-0.3, 0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0)),
+        ((-0.3, 0.02, 0.0, 0.0, 0.0, 0.0), (0.004, -0.003)),
+        ((0.2, -0.3, 0.0, 0.1, 0.0, 0.0), (0.0, 0.0)),
+        ((0.1, 0.0, 0.0, 0.0, 0.0, 0.4), (0.0, 0.0)),
+    ],
+)
+def test_distortion_is_used_up_to_where_it_folds(
+    radial: tuple[float, float, float, float, float, float], tangential: tuple[float, float]
+) -> None:
+    """OpenCV projects points beyond the fold back into the image; here they have no pixel."""
+    camera = RadialTangentialCamera.from_focal((96, 128), (75.0, 75.0), (63.5, 47.5), radial, tangential)
+    k1, k2, k3, k4, k5, k6 = radial
+    r = np.linspace(0, 5, 500001)
+    ring = r * (1 + k1 * r**2 + k2 * r**4 + k3 * r**6) / (1 + k4 * r**2 + k5 * r**4 + k6 * r**6)
+    fold = r[int(np.argmax(np.diff(ring) < 0))]
+    assert camera.widest_tangent == pytest.approx(fold, abs=2e-5)
+    vector = np.array([k1, k2, *tangential, k3, k4, k5, k6])
+    matrix = np.array([[75.0, 0, 63.5], [0, 75.0, 47.5], [0, 0, 1]])
+    points = np.array([[1.02 * fold, 0.0, 1.0], [0.0, -1.5 * fold, 1.0], [0.9 * fold, 0.0, 1.0]])
+    folded = cv2.projectPoints(points, np.zeros(3), np.zeros(3), matrix, vector)[0]
+    assert np.isfinite(folded).all()
+    found = camera.project(torch.from_numpy(points))
+    assert found[:2].isnan().all()
+    torch.testing.assert_close(found[2], torch.from_numpy(folded[2, 0]), atol=1e-9, rtol=0)
+    back = camera.unproject(found[2:])[0]
+    torch.testing.assert_close(back / back[2], torch.from_numpy(points[2]), atol=1e-8, rtol=0)
+
+
+def test_pixels_without_a_ray_have_that_of_the_rim() -> None:
+    camera = RadialTangentialCamera.from_focal(
+        (97, 129), (75.0, 75.0), (64.0, 48.0), (-0.3, 0.0, 0.0, 0.0, 0.0, 0.0)
+    )
+    rays, sees = camera.rays(), camera.sees()[0]
+    v, u = np.mgrid[0:97, 0:129]
+    rim = 75 * (fold := math.sqrt(1 / 0.9)) * (1 - 0.3 * fold**2)
+    np.testing.assert_array_equal(sees.numpy(), np.hypot(u - 64, v - 48) < rim)
+    assert rays.isfinite().all()
+    torch.testing.assert_close(rays.norm(dim=0), torch.ones(97, 129))
+    outside = rays[:, ~sees]
+    torch.testing.assert_close(
+        outside[:2].norm(dim=0) / outside[2], torch.full((int((~sees).sum()),), fold), atol=2e-3, rtol=0
+    )
+    along = torch.from_numpy(np.stack([u - 64.0, v - 48.0]))[:, ~sees].float()
+    turned = outside[0] * along[1] - outside[1] * along[0]
+    assert turned.abs().max() < 1e-3

@@ -120,6 +120,10 @@ READ: dict[str, tuple[str, Camera]] = {
     "C3VD's keys, lines =": (lines(SIDES | SCARAMUZZA | STRAIGHT, " = "), OMNIDIRECTIONAL),
     "C3VD's keys, lines :": (lines(SIDES | SCARAMUZZA | STRAIGHT, ": "), OMNIDIRECTIONAL),
     "C3VD's keys, upper case lines": (lines(SIDES | SCARAMUZZA, "=").upper(), OMNIDIRECTIONAL),
+    "numbers next to nothing": (
+        json.dumps({"K": MATRIX, "D": [K1, K2, P1, P2, 1e-320]} | SIDES),
+        RadialTangentialCamera.from_focal(SIZE, FOCAL, CENTRE, (K1, K2, 1e-320, 0.0, 0.0, 0.0), (P1, P2)),
+    ),
     "C3VD's keys, no a1": (
         json.dumps(SIDES | {n: v for n, v in SCARAMUZZA.items() if n != "a1"}),
         OMNIDIRECTIONAL,
@@ -292,6 +296,20 @@ READ: dict[str, tuple[str, Camera]] = {
     "K, text with commas": ("75.0, 0, 63.0\n0, 76.0, 47.0\n0, 0, 1\nheight = 96\nwidth = 128\n", PINHOLE),
     "K, text of NumPy": ("# width = 128\n# height = 96\n7.5e+01 0 63.\n0 76 47\n0 0 1\n", PINHOLE),
     "K, printed by NumPy": (f"{np.array(MATRIX)}\nheight: 96\nwidth: 128", PINHOLE),
+    "K, as MATLAB writes it": ("[75 0 63; 0 76 47; 0 0 1]\nheight = 96\nwidth = 128", PINHOLE),
+    "K in JSON alone, sides wrapped": (
+        json.dumps({"cam_K": MATRIX, "size": SIDES, "depth_scale": 0.1}),
+        PINHOLE,
+    ),
+    "fields in fields": (
+        json.dumps({"intrinsics": FLAT, "distortion": BROWN, "resolution": SIDES, "model": "pinhole"}),
+        RADTAN_4,
+    ),
+    "COLMAP's k": (
+        json.dumps({"model": "SIMPLE_RADIAL", "f": 75.0, "cx": 63.0, "cy": 47.0, "k": K1} | SIDES),
+        RadialTangentialCamera.from_focal(SIZE, (75.0, 75.0), CENTRE, (K1, 0.0, 0.0, 0.0, 0.0, 0.0)),
+    ),
+    "four numbers": ("75 76 63 47\nheight = 96\nwidth = 128", PINHOLE),
     "K of four rows": (
         "75 0 63 0\n0 76 47 0\n0 0 1 0\n0 0 0 1\nheight: 96\nwidth: 128",
         PINHOLE,
@@ -365,10 +383,13 @@ REFUSED: dict[str, tuple[str, str]] = {
         json.dumps({"image_size": [128, 96]} | FLAT),
         r"image_size: expected height and width under",
     ),
-    "either family, named": (json.dumps(SIDES | FLAT | KB4), r"model: expected fisheye or radial_tangential"),
+    "either family, named": (
+        json.dumps(SIDES | FLAT | KB4),
+        r"model: expected pinhole, .*polynomial.* fisheye or",
+    ),
     "either family, a vector": (
         json.dumps({"K": MATRIX, "D": list(KB4.values())} | SIDES),
-        r"model: expected fisheye or radial_tangential",
+        r"model: expected pinhole, .*polynomial.* fisheye or",
     ),
     "both families": (
         json.dumps({"model": "fisheye", "distortion_model": "plumb_bob"} | SIDES | FLAT),
@@ -399,7 +420,11 @@ REFUSED: dict[str, tuple[str, str]] = {
         json.dumps({"model": "double_sphere"} | SIDES | FLAT),
         r"model: 'double_sphere' is not read; fit .*polynomial",
     ),
-    "no such field": (json.dumps({"xi": 1.2} | SIDES | FLAT), r"xi: no such field"),
+    "no such field": (json.dumps({"zoom": 1.2} | SIDES | FLAT), r"zoom: no such field"),
+    "fields of another lens": (
+        json.dumps({"s1": 0.1, "xi": 1.2} | SIDES | FLAT),
+        r"s1, xi: of a lens that is not read; fit .*polynomial",
+    ),
     "no focal length": (json.dumps(SIDES | FLAT | {"fx": 0.0}), r"fx, fy: expected numbers above 0"),
     "numbers that are none": (
         json.dumps(SIDES | FLAT | {"k1": float("nan")}),
@@ -453,9 +478,17 @@ REFUSED: dict[str, tuple[str, str]] = {
     ),
     "Mei's model in a storage": (
         storage(".yml", image_width=128, image_height=96, xi=1.2),
-        r"xi: no such field",
+        r"xi: of a lens that is not read; fit .*polynomial",
     ),
     "two cameras in a storage": (storage(".yml", M1=1.0, M2=2.0), r"expected one camera, got two"),
+    "a stretch that is flat": (
+        json.dumps(SIDES | SCARAMUZZA | STRAIGHT | {"c": 0.0}),
+        r"stretch: expected a matrix",
+    ),
+    "a block of text for a camera": (
+        "cam0: |\n  a: 1\n  b: 2\n",
+        r"expected fields of a camera, got a: 1 b: 2",
+    ),
     "other XML": ("<svg></svg>", r"expected <opencv_storage> or one <camera_model>, got 0 in <svg>"),
     "XML with entities": ('<!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>', r"expected XML without declarations"),
     "broken XML": ("<opencv_storage>", r"expected XML that can be read"),

@@ -121,20 +121,23 @@ def _fetch_all(parts: Sequence[Part], options: DownloadOptions, server: Server) 
     root = Path(options.data.root)
     owned = Owned(root, "download", "data.root")
     check_places(parts, owned)
-    with ThreadPoolExecutor(options.parallel * 2) as pool:
-        sizes = dict(
-            zip(
-                (p.video for p in parts),
-                pool.map(lambda p: unpacked_size(server, p.file), parts),
-                strict=True,
-            )
-        )
-    print(check_space(parts, sizes, options), flush=True)
+    print(check_space(parts, _unpacked_sizes(parts, options, server), options), flush=True)
     root.mkdir(parents=True, exist_ok=True)
     with _locked(owned):
         failures = _Team(parts, options, server, owned).work()
     if failures:
         raise UserError("\n".join(failures))
+
+
+def _unpacked_sizes(parts: Sequence[Part], options: DownloadOptions, server: Server) -> dict[str, int | None]:
+    """Bytes that each video takes, by its name; None where the server does not tell."""
+    with ThreadPoolExecutor(options.parallel * 2) as pool:
+        try:
+            sizes = list(pool.map(lambda part: unpacked_size(server, part.file), parts))
+        except BaseException:  # a signal: those that wait for a thread are to end at once
+            server.stop.set()
+            raise
+    return {part.video: size for part, size in zip(parts, sizes, strict=True)}
 
 
 class _Team:

@@ -9,6 +9,7 @@ them.
 """
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -86,13 +87,25 @@ def read_lens(path: Path) -> tuple[Camera, str]:
     """
     try:
         camera, remark = _parsed(_text(path))
+        check_stretch(camera)
         if camera.size_hw != (0, 0):
             check_round_trip(camera)
     except OSError as error:
         raise DataError(f"{path}: the camera's file cannot be read ({error.strerror})") from None
     except (ValueError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
-        raise DataError(f"{path}: not a camera: {error}") from None
+        raise DataError(f"{path}: not a camera: {' '.join(str(error).split())}") from None
     return camera, remark
+
+
+def check_stretch(camera: Camera) -> None:
+    """Refuse a camera of which several pixels are one.
+
+    Raises:
+        ValueError: says which matrix cannot be inverted.
+    """
+    (a, b), (c, d) = camera.stretch
+    if a * d == b * c or not math.isfinite(a * d - b * c):
+        raise ValueError(f"stretch: expected a matrix that can be inverted, got {camera.stretch}")
 
 
 def check_round_trip(camera: Camera) -> None:
@@ -180,10 +193,9 @@ def _from_fields(plain: Mapping[str, Any]) -> Camera:
     kind = MODELS[model]
     values = {field.name: _field(field.name, given.pop(field.name, None)) for field in fields(kind)}
     check_rest(given)
-    (a, b), (c, d) = values["stretch"]
-    if a * d == b * c:
-        raise ValueError(f"stretch: expected a matrix that can be inverted, got {values['stretch']}")
-    return kind(**values)
+    camera = kind(**values)
+    check_stretch(camera)
+    return camera
 
 
 def _field(name: str, value: Any) -> Any:

@@ -1,7 +1,7 @@
 """Camera files of other programs, brought to the fields that `camera_from_numbers` reads."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from col3d.geometry.calibration import numbers
@@ -10,6 +10,7 @@ from col3d.geometry.lens_numbers import (
     ALIASES,
     HOW_TO,
     NAMES,
+    OTHER_LENSES,
     RADIAL,
     TANGENTIAL,
     focal_from_angle,
@@ -31,9 +32,10 @@ COLMAP = {
 """Parameters of COLMAP's models in their order."""
 VICALIB = {"calibu_fu_fv_u0_v0": "pinhole", "calibu_fu_fv_u0_v0_kb4": "fisheye"}
 HALF_PIXEL = "its pixel centres are at halves: 0.5 is taken from cx and cy"
+WRAPPERS = ("intrinsic", "intrinsics", "camera", "distortion", "resolution", "size")
+"""Fields that may hold those of the lens."""
+POSES = ("extrinsic", "extrinsics", "pose")
 LENS = {"size", "imagesize", "isfisheye", "fisheyemodel", "skew", *RADIAL, *TANGENTIAL, *ALIASES}
-OTHER_LENSES = {"xi", "alpha", "beta", "s1", "s2", "s3", "s4", "taux", "tauy", "omega", "a0"}
-"""Fields of lenses that are not read, and must not be passed over."""
 
 
 def fields_of(plain: Mapping[str, Any]) -> tuple[dict[str, Any], str]:
@@ -47,9 +49,21 @@ def fields_of(plain: Mapping[str, Any]) -> tuple[dict[str, Any], str]:
     for is_its, read, remark in FORMATS:
         if any(is_its(name) for name in plain):
             return read(plain), remark
-    if isinstance(inner := plain.get("intrinsic"), dict) and "data" not in inner:
-        return dict(inner), ""
+    if inner := [
+        name for name in WRAPPERS if isinstance(plain.get(name), dict) and "data" not in plain[name]
+    ]:
+        return fields_of(_unwrapped(plain, inner))
     return (_lens_alone(plain) if _is_storage(plain) else dict(plain)), ""
+
+
+def _unwrapped(plain: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:
+    """Fields that stand inside others, beside those that do not."""
+    found = {name: value for name, value in plain.items() if name not in (*names, *POSES)}
+    for name in names:
+        if twice := found.keys() & plain[name].keys():
+            raise ValueError(f"{', '.join(sorted(twice))}: given twice, in {name} as well")
+        found |= plain[name]
+    return found
 
 
 def colmap_fields(text: str) -> dict[str, Any] | None:

@@ -23,7 +23,7 @@ def plain_from_text(text: str) -> Any:
     text = text.lstrip("\ufeff").strip()
     if text.startswith("<"):
         return _xml(text)
-    if text.startswith(("{", "[")) and not _is_rows(text):
+    if text.startswith("{") or (text.startswith("[") and not _is_rows(text)):
         return json.loads(text, object_pairs_hook=_once)
     lines = [line for line in text.splitlines() if line.strip() and not line.strip().startswith(COMMENTS)]
     if not lines:
@@ -45,8 +45,9 @@ def _once(pairs: Iterable[tuple[Any, Any]]) -> dict[Any, Any]:
 
 
 def _is_rows(text: str) -> bool:
-    """Whether this is how NumPy prints a matrix: brackets and no commas."""
-    return text.startswith("[[") and "," not in text
+    """Whether this is how NumPy or MATLAB prints a matrix: brackets without commas, or semicolons."""
+    first = text.splitlines()[0]
+    return _numbers_in(first) is not None and ("," not in text or ";" in text)
 
 
 def _numbers_in(line: str) -> list[float] | None:

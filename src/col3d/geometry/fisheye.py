@@ -13,6 +13,7 @@ from col3d.geometry.inverse import inverse
 
 WIDEST = math.radians(179.0)
 """Angles to the optical axis beyond this have no azimuth to speak of."""
+NEGLIGIBLE = 1e-30
 Distortion = tuple[float, float, float, float]
 
 
@@ -89,6 +90,8 @@ def _widest(distortion: Distortion) -> float:
 
 def first_root(coefficients: list[float]) -> float:
     """Least positive real root of a polynomial, its highest power first; infinity where there is none."""
-    roots = np.roots(coefficients)
+    values = np.array(coefficients)
+    values[np.abs(values) < NEGLIGIBLE * np.abs(values).max()] = 0.0  # whose roots are beyond any number
+    roots = np.roots(values)
     real = roots[np.abs(roots.imag) <= 1e-9 * np.abs(roots)].real
     return float(min(real[real > 0], default=math.inf))

@@ -11,6 +11,7 @@ from col3d.geometry.fisheye import FisheyeCamera
 from col3d.geometry.radial_tangential import RadialTangentialCamera
 
 HOW_TO = "fit a pinhole, radial_tangential, fisheye (k1 to k4) or omnidirectional (polynomial a0 to a4) model"
+EITHER = "expected pinhole, radial_tangential, fisheye or omnidirectional (polynomial), got nothing"
 ALIASES = {
     "width": ("w", "imagewidth", "imagew", "cols"),
     "height": ("h", "imageheight", "imageh", "rows"),
@@ -19,7 +20,16 @@ ALIASES = {
     "f": ("focal", "focallength"),
     "cx": ("ppx", "u0", "pu"),
     "cy": ("ppy", "v0", "pv"),
-    "k": ("cameramatrix", "intrinsicmatrix", "intrinsics", "intrinsic", "cameraintrinsics", "matrix", "mtx"),
+    "k": (
+        "cameramatrix",
+        "intrinsicmatrix",
+        "intrinsics",
+        "intrinsic",
+        "cameraintrinsics",
+        "matrix",
+        "mtx",
+        "camk",
+    ),
     "d": (
         *("distortioncoefficients", "distortioncoeffs", "distortioncoeff", "distortionparameters"),
         *("distcoefficients", "distcoeffs", "distcoeff", "distortion", "dist", "coeffs"),
@@ -39,6 +49,8 @@ FISHEYE = (
     *("equidistant", "equi", "kannalabrandt", "kannalabrandt4", "kannalabrandt8", "kb4", "kb8"),
     *("pinholeequidistant", "pinholefisheye"),
 )
+OTHER_LENSES = {"xi", "alpha", "beta", "s1", "s2", "s3", "s4", "taux", "tauy", "omega", "a0"}
+"""Fields of lenses that are not read, and must not be passed over."""
 RADIAL, TANGENTIAL = ("k1", "k2", "k3", "k4", "k5", "k6"), ("p1", "p2")
 VECTORS = {
     4: ("k1", "k2", "p1", "p2"),
@@ -47,7 +59,18 @@ VECTORS = {
 }
 """OpenCV's order of distortion, by its length; there are longer ones, for thin prisms and tilted sensors."""
 LONGER = (12, 14)
-REMARKS = ("name", "cameraname", "cameraid", "comment", "description", "rms", "classname", "fps", "date")
+REMARKS = (
+    "name",
+    "cameraname",
+    "cameraid",
+    "comment",
+    "description",
+    "rms",
+    "classname",
+    "fps",
+    "date",
+    "depthscale",
+)
 """Fields that say nothing of a lens."""
 
 
@@ -66,13 +89,17 @@ def camera_from_numbers(given: Mapping[str, Any]) -> Camera:
     rest = renamed(given)
     for name in REMARKS:
         rest.pop(name, None)
+    if isinstance(rest.get("k"), int | float):  # COLMAP's name of k1, where there is no other
+        rest["k1"] = rest.pop("k") if "k1" not in rest else rest["k1"]
     size_hw = _size(rest)
     focal, centre, skew = _intrinsics(rest)
     is_fisheye = _is_fisheye(rest)
     distortion = _distortion(rest, is_fisheye)
+    if others := rest.keys() & OTHER_LENSES:
+        raise ValueError(f"{', '.join(sorted(others))}: of a lens that is not read; {HOW_TO}")
     check_rest(rest)
     if is_fisheye is None and not distortion.keys() & {*TANGENTIAL, "k5", "k6"} and distortion.get("k4"):
-        raise ValueError("model: expected fisheye or radial_tangential, for either has k1 to k4, got nothing")
+        raise ValueError(f"model: {EITHER}; k1 to k4 are of a fisheye or of radial_tangential")
     if is_fisheye:
         k1, k2, k3, k4 = (distortion.get(name, 0.0) for name in RADIAL[:4])
         return FisheyeCamera.from_focal(size_hw, focal, centre, (k1, k2, k3, k4), skew)
@@ -196,9 +223,7 @@ def _from_vector(vector: Any, is_fisheye: bool | None) -> dict[str, float]:
             raise ValueError(f"distortion: expected the four numbers of a fisheye, got {count}")
         return dict(zip(RADIAL[:4], values, strict=True))
     if count == 4 and is_fisheye is None:
-        raise ValueError(
-            "model: expected fisheye or radial_tangential, either of which has four numbers, got nothing"
-        )
+        raise ValueError(f"model: {EITHER}; four numbers of distortion are of a fisheye or k1, k2, p1, p2")
     if count in LONGER and not any(values[8:]):
         count = 8
     if count not in VECTORS:

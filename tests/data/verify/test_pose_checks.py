@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from spheres import LENS, Check, Write, faults, pose_of, said, see, write_poses
+from spheres import LENS, SIZE, Check, Write, faults, pose_of, said, see, write_poses
 
 from col3d.data.c3vd import C3VD
 from col3d.data.decode import read_whole
@@ -16,6 +16,7 @@ from col3d.data.verify import Asked, FrameReport, conclude, plan_video
 from col3d.data.verify.findings import Reprojection
 from col3d.data.verify.poses import read_poses
 from col3d.data.verify.reproject import reproject
+from col3d.geometry import Camera, FisheyeCamera, PinholeCamera, RadialTangentialCamera
 
 SAMPLE = os.environ.get("COL3D_C3VD_SAMPLE")
 needs_sample = pytest.mark.skipif(SAMPLE is None, reason="COL3D_C3VD_SAMPLE names no folder of real frames")
@@ -33,16 +34,32 @@ def test_right_poses_carry_the_depth(write_sphere: Write, check: Check) -> None:
     assert 0 < found.reprojection <= found.worst_reprojection < 0.05
 
 
-def test_reprojection_is_in_millimetres() -> None:
-    """A camera that moves 2 mm towards a wall sees it 2 mm nearer; believed to rest, it is 2 mm off."""
-    wall = np.full(LENS.size_hw, 40.0, np.float32)
-    known = np.ones(LENS.size_hw, bool)
+CAMERAS: dict[str, Camera] = {
+    "omnidirectional": LENS,
+    "pinhole": PinholeCamera.from_focal(SIZE, 90.0, 90.0, 67.0, 53.5),
+    "fisheye": FisheyeCamera.from_focal(SIZE, (70.0, 70.0), (67.0, 53.5), (-0.19, -0.004, 0.03, -0.013)),
+    "wide fisheye": FisheyeCamera.from_focal(SIZE, (40.0, 40.0), (67.0, 53.5)),
+    "radial_tangential": RadialTangentialCamera.from_focal(
+        SIZE, (90.0, 90.0), (67.0, 53.5), (-0.1, 0.01, 0.0, 0.0, 0.0, 0.0), (0.002, -0.001)
+    ),
+}
+
+
+@pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
+def test_reprojection_is_in_millimetres(camera: Camera) -> None:
+    """A camera that moves 2 mm towards a wall sees it 2 mm nearer; believed to rest, it is 2 mm off.
+
+    Depth that is stored where the lens sees nothing, or 90 degrees off its axis, counts for nothing.
+    """
+    wall = np.full(SIZE, 40.0, np.float32)
+    known = np.ones(SIZE, bool)
     first, second = Depth(wall, known), Depth(wall - 2, known)
     rest, moved = np.eye(4), np.eye(4)
     moved[2, 3] = 2.0
-    wrong = reproject(first, second, (rest, rest), LENS, 1)
+    wrong = reproject(first, second, (rest, rest), camera, 1)
     assert wrong.median == pytest.approx(2.0, abs=1e-4)
-    right = reproject(first, second, (rest, moved), LENS, 1)
+    assert wrong.seen > 0.95
+    right = reproject(first, second, (rest, moved), camera, 1)
     assert (right.median, right.step) == (pytest.approx(0, abs=1e-4), 2.0)
 
 

@@ -42,6 +42,8 @@ class _Tail(io.RawIOBase):
 def unpacked_size(server: Server, file: RemoteFile) -> int | None:
     """Bytes of all that an archive holds, by its table of contents; None where the server does not tell."""
     start = max(file.size - TAIL, 0)
+    if server.stop.is_set():
+        return None
     try:
         with server.open(file.path, {"Range": f"bytes={start}-"}) as answer:
             if answer.status != HTTPStatus.PARTIAL_CONTENT and start:

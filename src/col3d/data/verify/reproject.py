@@ -128,7 +128,7 @@ def _lifted(depth: Depth, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     """Pixels (n, 2) of a grid, and their points (3, n) in camera axes."""
     step = max(1, camera.size_hw[0] // SPACING)
     v, u = np.mgrid[tuple(slice(step // 2, side, step) for side in camera.size_hw)]
-    known = depth.known[v, u]
+    known = depth.known[v, u] & camera.sees()[0].numpy()[v, u]
     pixels = np.stack([u[known], v[known]], axis=1).astype(np.float64)
     rays = camera.unproject(torch.from_numpy(pixels)).numpy().T
     return pixels, rays / rays[2] * depth.mm[v, u][known]
