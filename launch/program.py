@@ -28,6 +28,7 @@ from col3d.reports.summary import write_json
 from launch.choices import as_groups, check_choices
 from launch.files import CONF
 from launch.overview import look_over
+from launch.paths import as_typed
 from launch.refusals import explain, refuse
 
 BAD_INPUT = (DataError, UserError, OSError)
@@ -50,7 +51,8 @@ def launch(config_name: str, run: Run) -> None:
             stream.reconfigure(errors="backslashreplace")  # names of files need not be UTF-8
     os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra hands exceptions on instead of printing them
     os.environ["PYTHONPATH"] = os.pathsep.join([str(CONF.parent), os.environ.get("PYTHONPATH", "")])
-    sys.argv[1:] = [text for argument in sys.argv[1:] for text in as_groups(argument)]
+    typed = as_typed(sys.argv[1:], config_name)
+    sys.argv[1:] = [text for argument in typed for text in as_groups(argument)]
     check_choices(sys.argv[1:])
     if {"--help", "-h", "--hydra-help"} & set(sys.argv[1:]):
         _look_once()

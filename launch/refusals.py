@@ -1,18 +1,20 @@
 """Bad input on the command line in one line each, with the nearest valid name."""
 
 import re
+import shlex
 import sys
 from collections.abc import Callable
 from typing import Any
 
 from hydra import compose, initialize_config_dir
 from hydra.core.hydra_config import HydraConfig
-from hydra.errors import HydraException
+from hydra.errors import HydraException, OverrideParseException
 from omegaconf import OmegaConf
 from omegaconf.errors import InterpolationResolutionError
 
 from col3d.checks import DataError, UserError, nearest_name
 from launch.files import CONF, names_in
+from launch.paths import quoted
 
 EXIT_CODE = 2
 
@@ -29,6 +31,8 @@ def explain(error: Exception, config_name: str) -> str:
         return f"{error.filename or _folder()}: {error.strerror}" if error.strerror else str(error)
     while isinstance(error, InterpolationResolutionError) and isinstance(error.__context__, Exception):
         error = error.__context__  # what one of the resolvers says
+    if isinstance(error, OverrideParseException):
+        return _unreadable(error.override)
     if isinstance(error, DataError | UserError):
         return str(error).rpartition("DataError: ")[2].strip()  # a loader's worker sends its traceback along
     text = " ".join(f"{error} {error.__cause__ or ''}".split())
@@ -44,6 +48,10 @@ def _folder() -> str:
 
 
 def _unknown_option(option: str, config_name: str) -> str:
+    if option == "checkpoint" and config_name in ("train", "benchmark"):
+        return (
+            "checkpoint: init.checkpoint=PATH begins from weights; the same command goes on with a training"
+        )
     return f"{option}: no such option{nearest_name(option, _options(config_name))}"
 
 
@@ -62,8 +70,14 @@ def _bare_list(option: str, config_name: str) -> str:
     return f"{option}: {brackets}sweep over the values with -m"
 
 
-def _unreadable(override: str, config_name: str) -> str:
-    return f"{override}: not key=value; write lists without spaces, such as loss.lambdas=[0.5,0.3,0.2]"
+def _unreadable(override: str) -> str:
+    option, equals, value = override.partition("=")
+    if not equals:
+        return f"{override}: not key=value"
+    if value.startswith("["):
+        return f"{option}: write lists without spaces, such as loss.lambdas=[0.5,0.3,0.2]; got {value}"
+    twice = shlex.quote(f"{option}={quoted(value)}")
+    return f"{option}: {value} cannot be read as it stands; quote it twice: {twice}"
 
 
 COMPLAINTS: dict[str, Callable[[str, str], str]] = {
@@ -71,7 +85,6 @@ COMPLAINTS: dict[str, Callable[[str, str], str]] = {
     r"Could not find '([^']+)'": _unknown_choice,
     r"Missing mandatory value.*full_key: (\S+)": _missing_value,
     r"Ambiguous value for argument '([^=]+)=": _bare_list,
-    r"(?:no viable alternative|mismatched|extraneous|token).*?'([^']*)'": _unreadable,
 }
 
 

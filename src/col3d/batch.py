@@ -18,9 +18,9 @@ class Batch(TypedDict):
     depth: Float[Tensor, "b 1 h w"]
     """Depth along the optical axis in mm; 0 where unknown."""
     normals: NotRequired[Float[Tensor, "b 3 h w"]]
-    """Unit vectors facing the camera (n . ray < 0); the zero vector where unknown."""
+    """Unit vectors facing the camera (n . ray < 0); the zero vector where unknown, see `normals_mask`."""
     mask: Bool[Tensor, "b 1 h w"]
-    """True where depth (and normals, when present) are known: only these pixels count."""
+    """True where depth is known: only these pixels count."""
     rays: Float[Tensor, "b 3 h w"]
     """Unit viewing directions; they rotate and mirror with the image."""
     video: list[str]
@@ -36,6 +36,11 @@ class Prediction(TypedDict):
     """Depth along the optical axis in mm, in (0, max_depth)."""
     normals: NotRequired[Float[Tensor, "b 3 h w"]]
     """Unit vectors in camera axes."""
+
+
+def normals_mask(batch: Batch) -> Bool[Tensor, "b 1 h w"]:
+    """True where normals are known: at most where depth is, less where none could be derived."""
+    return batch["mask"] & (batch["normals"] != 0).any(dim=1, keepdim=True)
 
 
 def check_maps(preds: Tensor, target: Tensor, mask: Tensor) -> None:

@@ -94,7 +94,8 @@ class Owned:
         for name in gone:
             (self.folder / name).unlink(missing_ok=True)
             (self.folder / f"{name}.partial").unlink(missing_ok=True)
-        for parent in sorted({(self.folder / name).parent for name in gone} - {self.folder}, reverse=True):
+        inside = {parent for name in gone for parent in PurePosixPath(name).parents if parent.parts}
+        for parent in sorted((self.folder / parent for parent in inside), reverse=True):
             with suppress(OSError):  # something of others is in it, or it was never made
                 parent.rmdir()
         self.names = {name: None for name in self.names if name not in set(gone)}

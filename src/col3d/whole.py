@@ -8,6 +8,8 @@ from typing import BinaryIO
 
 PARTIAL = ".partial"
 """What the name of a file ends in while it is written."""
+BUFFER = 1 << 22
+"""Bytes read or written at once: an archive of torch is hundreds of pieces, each else a trip to a server."""
 
 
 @contextmanager
@@ -23,7 +25,7 @@ def whole_file(path: Path, writer: str = "") -> Iterator[BinaryIO]:
     """
     partial = path.with_name(f"{path.name}{writer}{PARTIAL}")
     try:
-        with partial.open("wb") as file:
+        with partial.open("wb", buffering=BUFFER) as file:
             yield file
             file.flush()
             os.fsync(file.fileno())

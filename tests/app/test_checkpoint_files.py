@@ -54,7 +54,7 @@ def test_a_full_disk_leaves_the_checkpoint_that_was(
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             return int(self.file.write(data))
 
-    monkeypatch.setattr(Path, "open", lambda self, *mode: Full(opened(self, *mode)))
+    monkeypatch.setattr(Path, "open", lambda self, *mode, **options: Full(opened(self, *mode, **options)))
     with pytest.raises(OSError, match=r"No space left on device.*last\.ckpt"):
         CheckpointFiles().save_checkpoint(content(2.0), path)
     monkeypatch.undo()

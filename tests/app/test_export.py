@@ -4,7 +4,7 @@ import json
 import subprocess
 import sys
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import cv2
@@ -15,8 +15,10 @@ from test_launch import call
 from tiny_run import composed
 
 from col3d.app.export import export
+from col3d.app.half import HalfNetwork
 from col3d.app.learnt import learnt, located
 from col3d.app.same_outputs import compare
+from col3d.app.traced import Fixed
 
 PROJECT = Path(__file__).parents[2]
 WITHOUT = (
@@ -109,6 +111,79 @@ def test_a_program_file(tiny_checkpoint: Path, tmp_path: Path) -> None:
             assert sys.prefix.encode() not in archive.read(name), name
 
 
+def test_an_onnx_file_of_one_size_in_half_precision(tiny_checkpoint: Path, tmp_path: Path) -> None:
+    import onnx
+    import onnxruntime
+
+    options = ("opset=18", "size=[96,128]", "batch=2", "half=true")
+    answer = call("export.py", f"checkpoint={tiny_checkpoint}", "output=m.onnx", *options, cwd=tmp_path)
+    assert (answer.returncode, answer.stderr) == (0, "")
+    said = answer.stdout.splitlines()
+    assert said[2] == "batches of 2, images of 96 x 128; checked at 2 x 96 x 128"
+    assert said[3].startswith("largest difference from PyTorch in single precision: depth ")
+    assert "; PyTorch's own in half: depth " in said[3]
+    model = onnx.load(tmp_path / "m.onnx")
+    assert {entry.domain: entry.version for entry in model.opset_import}[""] == 18
+    facts = {entry.key: entry.value for entry in model.metadata_props}
+    assert (json.loads(facts["batch"]), json.loads(facts["size"])) == (2, [96, 128])
+    weights = [value for value in model.graph.initializer if len(value.dims) == 4]
+    assert len(weights) > 20
+    assert {value.data_type for value in weights if value.dims[-1] > 1 or value.dims[0] > 1} == {
+        onnx.TensorProto.FLOAT16
+    }
+    session = onnxruntime.InferenceSession(tmp_path / "m.onnx")
+    values = (*session.get_inputs(), *session.get_outputs())
+    assert [(tuple(value.shape), value.type) for value in values] == [
+        ((2, 3, 96, 128), "tensor(float)"),
+        ((2, 1, 96, 128), "tensor(float)"),
+        ((2, 3, 96, 128), "tensor(float)"),
+    ]
+    image = torch.rand(2, 3, 96, 128, generator=torch.Generator().manual_seed(5))
+    depth, _ = session.run(["depth", "normals"], {"image": image.numpy()})
+    network = learnt(tiny_checkpoint).network
+    with torch.no_grad():
+        expected, rounded = network(image)["depth"], HalfNetwork(network)(image)["depth"]
+    own = (rounded - expected).abs().max().item()
+    assert 0 < own < 0.5
+    assert 0 < np.abs(depth - expected.numpy()).max() <= 2 * own + 1e-3
+
+
+def test_a_program_of_one_size(tiny_checkpoint: Path, tmp_path: Path) -> None:
+    path = tmp_path / "m.pt2"
+    export(composed("export", f"checkpoint={tiny_checkpoint}", f"output={path}", "size=[64,96]", "half=true"))
+    facts = {"col3d.json": ""}
+    program = torch.export.load(path, extra_files=facts).module(check_guards=False)
+    assert (json.loads(facts["col3d.json"])["size"], json.loads(facts["col3d.json"])["batch"]) == (
+        [64, 96],
+        None,
+    )
+    for batch in (1, 3):
+        with torch.no_grad():
+            found = program(torch.rand(batch, 3, 64, 96))
+        assert (found["depth"].shape, found["depth"].dtype) == ((batch, 1, 64, 96), torch.float32)
+
+
+def test_what_half_precision_may_change(tiny_checkpoint: Path) -> None:
+    """Twice what it changes in PyTorch itself on the same image, and no more."""
+    subject = learnt(tiny_checkpoint)
+    half = HalfNetwork(subject.network).eval()
+
+    def off(factor: float) -> Callable[[Mapping[str, np.ndarray]], dict[str, np.ndarray]]:
+        def run(inputs: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+            image = torch.from_numpy(inputs["image"])
+            with torch.no_grad():
+                exact, rounded = subject.network(image), half(image)
+            return {name: (exact[name] + factor * (rounded[name] - exact[name])).numpy() for name in rounded}
+
+        return run
+
+    found = compare(subject, off(1.9), Fixed(1, (64, 80)), half)
+    assert found.sizes == [(1, 64, 80)]
+    assert found.differences["depth"] == pytest.approx(1.9 * found.rounding["depth"], rel=1e-2)
+    with pytest.raises(Exception, match=r"export: \w+ of 1 x 64 x 80 differs from PyTorch's by"):
+        compare(subject, off(2.5), Fixed(1, (64, 80)), half)
+
+
 def test_weights_to_share_name_no_place(tmp_path: Path) -> None:
     content = torch.load(located(Path("shipped")), weights_only=True)
     secret = "/home/ann/secret"
@@ -163,7 +238,18 @@ def test_what_was_refused_leaves_no_file(
         (("output=there.onnx",), "output: there.onnx is there already; give overwrite=true to replace it"),
         (("output=folder.pt2", "overwrite=true"), "output: folder.pt2 is a folder"),
         (("output=m.onnx",), "checkpoint: no such file: none.ckpt"),
-        (("output=m.onnx", "size=[64,64]"), "size: our checkpoints know theirs"),
+        (("output=m.ckpt", "size=[64,64]"), "size: is of .onnx and .pt2; .ckpt has any size"),
+        (("output=m.ckpt", "batch=1"), "batch: is of .onnx and .pt2"),
+        (("output=m.ckpt", "half=true"), "half: is of .onnx and .pt2"),
+        (("output=m.pt2", "opset=18"), "opset: is of .onnx, got output=m.pt2"),
+        (("output=m.onnx", "opset=17"), "opset: expected greater than or equal to 18"),
+        (("output=m.onnx", "opset=26"), "opset: expected less than or equal to 25"),
+        (("output=m.onnx", "opset=new"), "opset: expected a valid integer"),
+        (("output=m.onnx", "batch=0"), "batch: expected greater than or equal to 1"),
+        (("output=m.onnx", "size=[256]"), "size: expected at least 2 items"),
+        (("output=m.onnx", "size=[16,320]"), "size.0: expected greater than or equal to 64, got 16"),
+        (("output=m.onnx", "half=maybe"), "half: expected a valid boolean"),
+        (("output=m.onnx", "max_depth=50"), "max_depth: our checkpoints know theirs"),
         (("output=m.onnx", "published=bts", "max_depth=0"), "max_depth: expected greater than 0"),
     ],
 )
@@ -173,7 +259,7 @@ def test_bad_input_is_refused(
     monkeypatch.chdir(tmp_path)
     Path("there.onnx").touch()
     Path("folder.pt2").mkdir()
-    with pytest.raises(Exception, match=r"^\w+: ") as raised:
+    with pytest.raises(Exception, match=r"^[\w.]+: ") as raised:
         export(composed("export", "checkpoint=none.ckpt", *arguments))
     assert message in str(raised.value)
     assert Path("there.onnx").stat().st_size == 0

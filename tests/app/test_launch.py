@@ -70,6 +70,7 @@ def test_what_a_resolver_refuses_is_one_line(tmp_path: Path) -> None:
         "app.py",
         "prepare.py",
         "verify.py",
+        "download.py",
         "benchmark.py",
     ],
 )

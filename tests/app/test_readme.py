@@ -13,6 +13,7 @@ from test_launch import call
 from tiny_run import SMALL, TINY, composed
 
 from col3d.app.config import (
+    DownloadOptions,
     EvaluateOptions,
     ExportOptions,
     FuseOptions,
@@ -42,6 +43,7 @@ OPTIONS = {
     "export.py": ExportOptions,
     "prepare.py": PrepareOptions,
     "verify.py": VerifyOptions,
+    "download.py": DownloadOptions,
 }
 ELSEWHERE = ("data=", "hydra/launcher=")  # launchers have tests of their own
 SHORT = [c for c in COMMANDS if c[1] == "train.py" and not any(a.startswith(ELSEWHERE) for a in c)]

@@ -121,14 +121,15 @@ def test_both_ends_of_the_code_are_invalid(write_video, lens, code: int) -> None
     assert item["mask"][0, 60, 50:53].all()
 
 
-def test_pixels_without_a_stored_normal_do_not_count(write_video, lens) -> None:
+def test_pixels_without_a_stored_normal_count_for_depth_alone(write_video, lens) -> None:
     root = write_video(numbers=(0,))
     path = root / "cecum_t1_a" / "0000_normals.tiff"
     codes = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     codes[40:60, 50:70] = 0
     cv2.imwrite(str(path), codes)
     item = C3VD(root, ["cecum_t1_a"], camera=lens)[0]
-    assert not item["mask"][:, 40:60, 50:70].any()
+    assert item["mask"][:, 40:60, 50:70].all()
+    assert not item["normals"][:, 40:60, 50:70].any()
     assert C3VD(root, ["cecum_t1_a"], normals="none", camera=lens)[0]["mask"][:, 40:60, 50:70].all()
 
 

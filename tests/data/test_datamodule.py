@@ -1,10 +1,14 @@
 """Loaders: each frame once where it is counted, and orders that differ by epoch and come back."""
 
 import multiprocessing
+import multiprocessing.util
 import signal
 import subprocess
 import sys
+import time
 from collections import Counter
+from collections.abc import Sequence
+from multiprocessing.process import BaseProcess
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,6 +19,7 @@ from torch.utils.data import Dataset
 from col3d.data.datamodule import EveryFrameOnce, FrameDataModule, WeightedOrder
 from col3d.data.resize import Resize
 from col3d.data.transforms import Augment
+from col3d.data.workers import SteadyLoader
 
 
 class Numbered(Dataset[dict[str, Any]]):
@@ -171,6 +176,31 @@ def test_the_epoch_is_told_after_the_loader_has_begun(item: dict[str, Any]) -> N
     assert found == order(module_of(item).train_dataloader(), epoch=5)
 
 
+def send_to_all(workers: Sequence[BaseProcess]) -> None:
+    """As a scheduler does: by a process that is not the workers' parent."""
+    script = "import os, sys; [os.kill(int(p), int(s)) for s in sys.argv[1].split() for p in sys.argv[2:]]"
+    numbers = " ".join(str(int(s)) for s in (signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1, signal.SIGINT))
+    subprocess.run([sys.executable, "-c", script, numbers, *(str(w.pid) for w in workers)], check=True)
+
+
+class SlowToStart:
+    """While it is referred to, each process that is forked sleeps before it runs anything of ours."""
+
+    def __init__(self) -> None:
+        multiprocessing.util.register_after_fork(self, lambda _: time.sleep(2))
+
+
+def test_workers_outlive_signals_that_come_before_they_have_started(item: dict[str, Any]) -> None:
+    module = module_of(item)
+    module.workers = 2
+    slow = SlowToStart()
+    before = set(multiprocessing.active_children())
+    batches = iter(SteadyLoader(module.frames["train"], num_workers=2))
+    send_to_all(sorted(set(multiprocessing.active_children()) - before, key=lambda worker: worker.name))
+    assert len([*batches]) == 11
+    del slow
+
+
 def test_workers_outlive_the_signals_that_tell_a_training_to_save(item: dict[str, Any]) -> None:
     module = module_of(item)
     module.workers = 2
@@ -179,12 +209,7 @@ def test_workers_outlive_the_signals_that_tell_a_training_to_save(item: dict[str
     first = next(batches)
     workers = multiprocessing.active_children()
     assert len(workers) >= 2
-    for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1, signal.SIGINT):
-        script = (
-            "import os, sys; [os.kill(int(p), int(sys.argv[1])) for p in sys.argv[2:]]"  # not their parent
-        )
-        pids = [str(worker.pid) for worker in workers]
-        subprocess.run([sys.executable, "-c", script, str(int(number)), *pids], check=True)
+    send_to_all(workers)
     rest = [number for batch in batches for number in batch["frame"].tolist()]
     assert sorted(first["frame"].tolist() + rest) == list(range(11))
     assert all(worker.is_alive() for worker in workers)

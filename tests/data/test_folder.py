@@ -48,6 +48,38 @@ def test_frames_of_a_described_folder(root: Path, look: Any) -> None:
     assert (item["image"] * 255).round().unique().tolist() == [62.0]
 
 
+def test_pixels_outside_a_fisheyes_image_circle_do_not_count(root: Path) -> None:
+    fisheye = {"model": "OPENCV_FISHEYE", "h": 60, "w": 80, "fx": 45.0, "fy": 45.0, "cx": 39.5, "cy": 29.5}
+    fisheye |= {"k1": -0.19, "k2": -0.004, "k3": 0.03, "k4": -0.013}
+    (root / "camera.json").write_text(json.dumps(fisheye))
+    for number in (3, 12):
+        path = str(root / "clip_1" / "depth" / f"{number:06d}.tiff")
+        cv2.imwrite(path, np.full((60, 80), 0.05, np.float32))
+    item = FolderFrames(root, ["clip_1"], **LAYOUT, normals="none")[0]
+    v, u = np.mgrid[0:60, 0:80]
+    radius = np.hypot(u - 39.5, v - 29.5) / 45.0
+    rim = max(
+        t * (1 - 0.19 * t**2 - 0.004 * t**4 + 0.03 * t**6 - 0.013 * t**8) for t in np.linspace(0, 1.5, 9999)
+    )
+    np.testing.assert_array_equal(item["mask"][0].numpy(), radius <= rim)
+    assert bool(item["rays"].isfinite().all())
+    assert bool((item["depth"][~item["mask"]] == 0).all())
+
+
+def test_a_wide_lens_has_no_depth_at_ninety_degrees_and_more(root: Path) -> None:
+    wide = {"model": "fisheye", "size": [60, 80], "fx": 20.0, "fy": 20.0, "cx": 39.5, "cy": 29.5}
+    (root / "camera.json").write_text(json.dumps(wide))
+    for number in (3, 12):
+        path = str(root / "clip_1" / "depth" / f"{number:06d}.tiff")
+        cv2.imwrite(path, np.full((60, 80), 0.05, np.float32))
+    item = FolderFrames(root, ["clip_1"], **LAYOUT)[0]
+    v, u = np.mgrid[0:60, 0:80]
+    angle = np.hypot(u - 39.5, v - 29.5) / 20.0
+    assert not item["mask"][0].numpy()[angle >= np.pi / 2].any()
+    assert item["mask"][0].numpy()[angle < np.pi / 2 - 0.1].all()
+    assert bool(item["normals"].isfinite().all())
+
+
 def test_whole_numbers_and_a_largest_depth(root: Path, look: Any) -> None:
     depth, _, mask = look("sphere", CAMERA.rays())
     tenths = torch.where(mask, depth * 10, 0.0)[0, 0].numpy().astype(np.uint16)

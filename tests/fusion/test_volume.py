@@ -9,12 +9,23 @@ import trimesh
 
 from col3d.fusion import Surface, Volume, compare
 from col3d.fusion.volume import _projected
-from col3d.geometry import OmnidirectionalCamera, PinholeCamera
-from col3d.geometry.camera import Camera
+from col3d.geometry import (
+    Camera,
+    FisheyeCamera,
+    OmnidirectionalCamera,
+    PinholeCamera,
+    RadialTangentialCamera,
+)
 
 RADIUS = 30.0
 LENS = OmnidirectionalCamera.c3vd().resized((135, 169))
 PINHOLE = PinholeCamera.from_focal((120, 160), 90.0, 90.0, 79.5, 59.5)
+FISHEYE = FisheyeCamera.from_focal((120, 160), (70.0, 71.0), (79.5, 59.5), (-0.19, -0.004, 0.03, -0.013))
+"""Its image circle ends before the corners."""
+DISTORTED = RadialTangentialCamera.from_focal(
+    (120, 160), (95.0, 94.0), (79.5, 59.5), (-0.1, 0.01, 0.0, 0.0, 0.0, 0.0), (0.002, -0.001)
+)
+CAMERAS = {"omnidirectional": LENS, "pinhole": PINHOLE, "fisheye": FISHEYE, "radial_tangential": DISTORTED}
 
 
 def inside_sphere(camera: Camera, pose: np.ndarray) -> torch.Tensor:
@@ -38,7 +49,7 @@ def poses() -> list[np.ndarray]:
     return found
 
 
-@pytest.mark.parametrize("camera", [LENS, PINHOLE], ids=["omnidirectional", "pinhole"])
+@pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_a_sphere_seen_from_inside(camera: Camera) -> None:
     volume = Volume(0.75)
     image = torch.full((3, *camera.size_hw), 128, dtype=torch.uint8)
@@ -86,7 +97,7 @@ def test_a_moved_world_gives_the_moved_surface() -> None:
 
 def test_the_table_of_directions_projects_as_the_camera_does() -> None:
     points = torch.randn(20000, 3, generator=torch.Generator().manual_seed(0))
-    for camera in (LENS, PINHOLE):
+    for camera in CAMERAS.values():
         exact, quick = camera.project(points), _projected(camera, points)
         height, width = camera.size_hw
         inside = ((exact >= 0) & (exact < exact.new_tensor([width, height]))).all(dim=1)

@@ -2,6 +2,7 @@
 
 import math
 
+import cv2
 import numpy as np
 import pytest
 import torch
@@ -11,12 +12,28 @@ from torch import Tensor
 from torch.nn.functional import interpolate
 
 from col3d.data.octagon import octagon_mask
-from col3d.geometry import Camera, OmnidirectionalCamera, PinholeCamera, normals_from_depth
+from col3d.geometry import (
+    Camera,
+    FisheyeCamera,
+    OmnidirectionalCamera,
+    PinholeCamera,
+    RadialTangentialCamera,
+    normals_from_depth,
+)
 
+FISHEYE = ((717.2, 716.1), (672.4, 541.7), (-0.04, 0.011, -0.004, 0.0007))
+"""Focal lengths, centre, k1 to k4."""
+RADIAL_TANGENTIAL = (
+    *((702.0, 705.5), (671.3, 538.2)),
+    *((-0.12, 0.031, 0.004, 0.11, -0.015, 0.002), (0.0031, -0.0017)),
+)
+"""Focal lengths, centre, k1 to k6, p1 and p2."""
 CAMERAS = {
     "pinhole": PinholeCamera.c3vd(),
     "omnidirectional": OmnidirectionalCamera.c3vd(),
     "omnidirectional_v2": OmnidirectionalCamera.c3vdv2(),
+    "fisheye": FisheyeCamera.from_focal((1080, 1350), *FISHEYE),
+    "radial_tangential": RadialTangentialCamera.from_focal((1080, 1350), *RADIAL_TANGENTIAL),
 }
 OMNIDIRECTIONAL = {
     "omnidirectional": (
@@ -81,8 +98,13 @@ def moved_twin(pixels: np.ndarray, chain: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def rays_twin(kind: str, pixels: np.ndarray) -> np.ndarray:
-    """Rays from the published calibrations, pixel by pixel."""
-    if kind == "pinhole":
+    """Rays from the published calibrations, pixel by pixel; those of distorted lenses by OpenCV."""
+    if kind in ("fisheye", "radial_tangential"):
+        matrix, vector = opencv_numbers(kind)
+        undistort = cv2.fisheye.undistortPoints if kind == "fisheye" else cv2.undistortPoints
+        plane = undistort(pixels[:, None], matrix, vector, criteria=(3, 1000, 1e-14))[:, 0]
+        rays = np.column_stack([plane, np.ones(len(plane))])
+    elif kind == "pinhole":
         rays = np.stack(
             [
                 (pixels[:, 0] - 675.226397736271) / 769.807403688120,
@@ -100,6 +122,16 @@ def rays_twin(kind: str, pixels: np.ndarray) -> np.ndarray:
     return unit_rays
 
 
+def opencv_numbers(kind: str) -> tuple[np.ndarray, np.ndarray]:
+    """K, and distortion in OpenCV's order."""
+    (fx, fy), (cx, cy), *rest = FISHEYE if kind == "fisheye" else RADIAL_TANGENTIAL
+    vector: list[float] = list(rest[0])
+    if kind == "radial_tangential":
+        k1, k2, k3, k4, k5, k6 = rest[0]
+        vector = [k1, k2, *rest[1], k3, k4, k5, k6]
+    return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]]), np.array(vector)
+
+
 def octagon_pixels(count: int = 5000) -> np.ndarray:
     inside = octagon_mask()[0].numpy()
     v, u = np.nonzero(inside)
@@ -114,6 +146,19 @@ def test_rays_are_those_of_the_calibration(kind: str, chain: str) -> None:
     there, turn = moved_twin(pixels, chain)
     found = moved(CAMERAS[kind], chain).unproject(torch.from_numpy(there)).numpy()
     np.testing.assert_allclose(found, rays_twin(kind, pixels) @ turn.T, atol=1e-12, rtol=0)
+
+
+@pytest.mark.parametrize("kind", ["fisheye", "radial_tangential"])
+def test_projections_are_those_of_opencv(kind: str) -> None:
+    points = np.random.default_rng(1).normal(size=(4000, 3)) * [0.8, 0.8, 0.3] + [0, 0, 1.4]
+    points = points[(points[:, 2] > 0.2) & (np.hypot(points[:, 0], points[:, 1]) < 2 * points[:, 2])]
+    matrix, vector = opencv_numbers(kind)
+    project = cv2.fisheye.projectPoints if kind == "fisheye" else cv2.projectPoints
+    pixels = project(points[:, None], np.zeros(3), np.zeros(3), matrix, vector)[0][:, 0]
+    found = CAMERAS[kind].project(torch.from_numpy(points)).numpy()
+    seen = np.isfinite(found).all(axis=1)
+    assert seen.sum() > 3000
+    np.testing.assert_allclose(found[seen], pixels[seen], atol=1e-9, rtol=0)
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])

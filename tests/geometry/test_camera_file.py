@@ -9,7 +9,13 @@ import pytest
 import torch
 
 from col3d.checks import DataError
-from col3d.geometry import Camera, OmnidirectionalCamera, PinholeCamera
+from col3d.geometry import (
+    Camera,
+    FisheyeCamera,
+    OmnidirectionalCamera,
+    PinholeCamera,
+    RadialTangentialCamera,
+)
 from col3d.geometry.camera_file import camera_from_plain, plain_from_camera, read_camera
 
 PIXELS = np.array([[3.0, 5.0], [678.0, 540.0], [1200.0, 30.0], [40.0, 1000.0], [1340.0, 1070.0]])
@@ -58,10 +64,16 @@ PINHOLE = {"model": "pinhole", "size": [48, 64], "fx": 50.0, "fy": 51, "cx": 31.
         OmnidirectionalCamera.c3vd(),
         OmnidirectionalCamera.c3vdv2().resized((320, 320)).rolled(3.0),
         PinholeCamera.c3vd().cropped(3, 5, 100, 120),
+        FisheyeCamera.from_focal((60, 80), (50.0, 51.0), (39.0, 29.0), (0.1, 0.02, 0.0, -0.001)).rolled(7.0),
+        RadialTangentialCamera.from_focal(
+            (60, 80), (90.0, 91.0), (39.0, 29.0), (0.1, 0.02, 0.0, -0.001, 0.0, 0.002), (0.001, 0.002)
+        ).flipped(),
     ],
 )
 def test_any_camera_comes_back_exactly(camera: Camera) -> None:
-    assert camera_from_plain(json.loads(json.dumps(plain_from_camera(camera)))) == camera
+    again = camera_from_plain(json.loads(json.dumps(plain_from_camera(camera))))
+    assert again == camera
+    assert hash(again) == hash(camera)
 
 
 def test_a_pinhole_is_described_by_its_focal_lengths(tmp_path: Path) -> None:
@@ -73,10 +85,10 @@ def test_a_pinhole_is_described_by_its_focal_lengths(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"model": "fisheye"}, r"model: 'fisheye' is unknown"),
+        ({"model": "fishy"}, r"model: 'fishy' is not read; fit a pinhole, .*polynomial"),
         ({"size": [48]}, r"size: expected 2 numbers, got \[48\]"),
         ({"fy": None}, r"fx, fy, cx, cy: expected numbers, got \[50\.0, None"),
-        ({"k1": 0.1}, r"k1: no such field"),
+        ({"k7": 0.1}, r"k7: no such field"),
     ],
 )
 def test_what_is_no_camera_is_refused(tmp_path: Path, change: dict[str, Any], message: str) -> None:

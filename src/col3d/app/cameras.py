@@ -1,6 +1,8 @@
 """The camera that a user names: a lens of a data set, a pinhole's four numbers, a file, or none."""
 
 from collections.abc import Callable
+from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 
 from jaxtyping import Bool
@@ -10,7 +12,7 @@ from col3d.checks import DataError, UserError, nearest_name
 from col3d.data.octagon import octagon_mask
 from col3d.data.simcol3d import SimCol3D
 from col3d.geometry import Camera, OmnidirectionalCamera, PinholeCamera
-from col3d.geometry.camera_file import read_camera
+from col3d.geometry.camera_file import check_round_trip, read_lens
 
 LENSES: dict[str, Callable[[], Camera]] = {
     "c3vd": OmnidirectionalCamera.c3vd,
@@ -25,11 +27,11 @@ CameraOption = str | list[float] | None
 
 
 def lens_of(option: CameraOption) -> Camera | None:
-    """The camera at the size it was calibrated at; a pinhole given by numbers has no size yet (0, 0).
+    """The camera at the size it was calibrated at; one whose numbers say none has the size (0, 0).
 
     Args:
         option: `c3vd`, `c3vdv2`, `simcol3d`; [fx, fy, cx, cy] in pixels of the images; the path of a file
-            (see `col3d.geometry.camera_file`); None or `none` where nothing is known.
+            (`docs/cameras.md` lists what is read); None or `none` where nothing is known.
 
     Raises:
         UserError: it is none of these.
@@ -48,12 +50,27 @@ def lens_of(option: CameraOption) -> Camera | None:
             f"camera: {option!r} is no file and no known lens{nearest_name(option, LENSES)}; "
             f"known are {known}, [fx,fy,cx,cy] for a pinhole, or none"
         )
+    path = Path(option)
+    return _read(path, path.stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=16)
+def _read(path: Path, version: int) -> Camera:
+    """The camera of a file at a version of it; prints what has to be said of it once."""
     try:
-        return read_camera(Path(option))
+        camera, remark = read_lens(path)
     except DataError as error:
         raise UserError(f"camera: {error}") from None
-    except (ArithmeticError, RecursionError) as error:  # numbers without bounds, lists in lists in lists
-        raise UserError(f"camera: {option}: not a camera: {error}") from None
+    if remark:
+        print(f"camera: {path}: {remark}", flush=True)
+    if camera.size_hw != (0, 0) and not bool((seen := camera.sees()).all()):
+        share = 1 - seen.float().mean().item()
+        print(
+            f"camera: {path}: {share:.1%} of the pixels lie outside the image circle or 90 degrees and "
+            "more off the axis, where z-depth is not defined; they do not count",
+            flush=True,
+        )
+    return camera
 
 
 def camera_at(lens: Camera, size_hw: tuple[int, int]) -> Camera:
@@ -63,7 +80,12 @@ def camera_at(lens: Camera, size_hw: tuple[int, int]) -> Camera:
         DataError: their sides have another ratio.
     """
     if lens.size_hw == (0, 0):
-        return PinholeCamera(size_hw, lens.centre, lens.stretch)
+        camera = replace(lens, size_hw=size_hw)
+        try:
+            check_round_trip(camera)
+        except ValueError as error:
+            raise DataError(f"camera: {error}") from None
+        return camera
     (height, width), (full_height, full_width) = size_hw, lens.size_hw
     if abs(height * full_width / (width * full_height) - 1) > SQUEEZE:
         raise DataError(
@@ -74,5 +96,9 @@ def camera_at(lens: Camera, size_hw: tuple[int, int]) -> Camera:
 
 
 def view_of(option: CameraOption, size_hw: tuple[int, int]) -> Bool[Tensor, "1 h w"] | None:
-    """Where the endoscope of this name shows anything; None where it does everywhere, or nobody knows."""
-    return octagon_mask(size_hw) if option in OCTAGON else None
+    """Where the camera of this name shows anything; None where it does everywhere, or nobody knows."""
+    if isinstance(option, list) or option is None or option in (*LENSES, "none"):
+        return octagon_mask(size_hw) if option in OCTAGON else None
+    lens = lens_of(option)
+    seen = None if lens is None else camera_at(lens, size_hw).sees()
+    return None if seen is None or bool(seen.all()) else seen

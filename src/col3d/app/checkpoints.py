@@ -8,13 +8,13 @@ import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import torch
 from lightning.fabric.plugins.io.torch_io import TorchCheckpointIO
 
 from col3d.checks import UserError, and_beneath
-from col3d.whole import whole_file
+from col3d.whole import BUFFER, whole_file
 
 
 class DamagedError(Exception):
@@ -56,7 +56,12 @@ def check_bytes(path: Path) -> None:
     Raises:
         DamagedError: the file is not as it was saved.
     """
-    with _named_damage(path), zipfile.ZipFile(path) as archive:
+    with path.open("rb", buffering=BUFFER) as file:
+        _check_sums(path, file)
+
+
+def _check_sums(path: Path, file: BinaryIO) -> None:
+    with _named_damage(path), zipfile.ZipFile(file) as archive:
         if (damaged := archive.testzip()) is not None:
             raise DamagedError(f"{path}: {damaged} in it has changed")
 
@@ -81,10 +86,12 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
         DamagedError: the file is not as it was saved.
         UserError: it is a file of something else, or holds what only a pickle that runs code can hold.
     """
-    check_bytes(path)
     try:
-        with _named_damage(path):
-            content = torch.load(path, map_location="cpu", weights_only=True)
+        with path.open("rb", buffering=BUFFER) as file:
+            _check_sums(path, file)
+            file.seek(0)
+            with _named_damage(path):
+                content = torch.load(file, map_location="cpu", weights_only=True)
     except pickle.UnpicklingError:
         raise UserError(f"{path} holds more than tensors and plain values, and is not opened") from None
     if not isinstance(content, dict) or not {"state_dict", "epoch", "loops"} <= content.keys():

@@ -1,5 +1,6 @@
 """Every option with its type and range: the composed configuration is checked before anything is built."""
 
+import re
 from typing import Annotated, Any, Literal
 
 from pydantic import (
@@ -153,6 +154,8 @@ class LayoutOptions(Options):
     max_depth: PositiveFloat
     camera_file: str
     depth_channel: Annotated[int, Field(ge=0)] | None = None
+    depth_offset: int | None = None
+    stamp_tolerance: PositiveFloat = 0.02
 
 
 class SourceOptions(Options):
@@ -314,6 +317,19 @@ Protocols = Annotated[dict[str, ProtocolOptions], Field(min_length=1)]
 """By name: `protocol=house`, or `protocol=[house,published]` where several can be."""
 
 
+class InitOptions(Options):
+    """Weights to begin from."""
+
+    checkpoint: str | None = None
+    published: Published | None = None
+
+    @model_validator(mode="after")
+    def _has_a_file(self) -> "InitOptions":
+        if self.published is not None and self.checkpoint in (None, "shipped"):
+            raise ValueError("init.published: says whose weights a file holds; give init.checkpoint=PATH")
+        return self
+
+
 class TrainOptions(Options):
     """Everything that `train.py` takes."""
 
@@ -322,6 +338,7 @@ class TrainOptions(Options):
     output_dir: str
     objective: Annotated[list[str], Field(min_length=1)]
     preset: str
+    init: InitOptions = InitOptions()
     model: ModelOptions
     task: Annotated[TaskOptions, ByName]
     loss: LossOptions
@@ -479,6 +496,34 @@ class VerifyOptions(Options):
         return self
 
 
+class DownloadOptions(Options):
+    """Everything that `download.py` takes."""
+
+    data: DataOptions
+    videos: Literal["split", "all"] | Annotated[list[str], Field(min_length=1)]
+    accept_licence: bool
+    keep: bool
+    parallel: Annotated[int, Field(ge=1, le=16)]
+    attempts: Annotated[int, Field(ge=1, le=1000)]
+    timeout: Annotated[float, Field(gt=0, le=3600)]
+    server: str
+    doi: str
+
+    @model_validator(mode="after")
+    def _is_published_there(self) -> "DownloadOptions":
+        if not re.fullmatch(r"https?://[^/\s?#]+(/[^\s?#]*)?", self.server):
+            raise ValueError(
+                f"server: expected an address such as https://archive.data.jhu.edu, got {self.server!r}"
+            )
+        if not re.fullmatch(r"(doi|hdl):\S+", self.doi):
+            raise ValueError(f"doi: expected one such as doi:10.7281/T1/JC64MK, got {self.doi!r}")
+        if self.data.name not in ("c3vd", "c3vdv2"):
+            raise ValueError(f"data: c3vd and c3vdv2 can be downloaded, got data={self.data.name}")
+        if self.data.test or self.data.also:
+            raise ValueError("data.test, data.also: are of trainings; download.py fetches data=...")
+        return self
+
+
 class LearntOptions(Options):
     """Which network: a checkpoint of ours, or of the authors named by `published`."""
 
@@ -521,6 +566,16 @@ class PredictOptions(LearntOptions):
         return self
 
 
+class PoseOptions(Options):
+    """What the lines of pose.txt mean; what is `auto` is told by depth, and C3VD's where nothing tells."""
+
+    direction: Literal["auto", "camera_to_world", "world_to_camera"]
+    axes: Literal["auto", "opencv", "opengl", "unity"]
+    unit: Literal["auto", "mm", "cm", "m"]
+    first: Literal["auto"] | Annotated[int, Field(ge=0)]
+    check: bool
+
+
 class FuseOptions(Options):
     """Everything that `fuse.py` takes."""
 
@@ -533,6 +588,7 @@ class FuseOptions(Options):
     max_depth: PositiveFloat | None
     size: Annotated[list[Side], Field(min_length=2, max_length=2)] | None
     scale: Literal["none", "median"]
+    poses: PoseOptions
     frames: PositiveInt | None
     voxel: Annotated[float, Field(gt=0, le=10)]
     far: PositiveFloat | None
@@ -557,6 +613,26 @@ class ExportOptions(LearntOptions):
 
     output: str
     overwrite: bool
+    opset: Annotated[int, Field(ge=18, le=25)] | None
+    batch: Annotated[int, Field(ge=1, le=1024)] | None
+    half: bool
+
+    @model_validator(mode="after")
+    def _knows_its_own(self) -> "ExportOptions":
+        if self.max_depth is not None and self.published is None:
+            raise ValueError("max_depth: our checkpoints know theirs; it is for published weights")
+        return self
+
+    @model_validator(mode="after")
+    def _is_of_a_program(self) -> "ExportOptions":
+        given = {"size": self.size, "batch": self.batch, "half": self.half or None}
+        if self.output.endswith(".ckpt"):
+            for option, value in given.items():
+                if value is not None:
+                    raise ValueError(f"{option}: is of .onnx and .pt2; .ckpt has any size, in half precision")
+        if self.opset is not None and not self.output.endswith(".onnx"):
+            raise ValueError(f"opset: is of .onnx, got output={self.output}")
+        return self
 
     @model_validator(mode="after")
     def _fits(self) -> "ExportOptions":

@@ -8,9 +8,10 @@ from pathlib import Path
 from col3d.app.config import DataOptions, PhantomOptions, SourceOptions
 from col3d.app.frames import frame_set
 from col3d.checks import DataError
-from col3d.data.frames import Frame, FrameSet
+from col3d.data.frame_files import Frame
+from col3d.data.frames import FrameSet
 from col3d.data.splits import SPLITS, selection_of_any_video
-from col3d.data.store import read_video
+from col3d.data.store import folder_of, read_video, videos_in
 
 State = dict[str, str]
 """What is looked at, such as "depth of cecum_t1_a (c3vd, val)" -> number of files, bytes and a sum."""
@@ -74,9 +75,10 @@ def _summed(root: Path, paths: Iterable[Path]) -> str:
 
 def _of_store(source: SourceOptions, entries: Iterable[str]) -> State:
     """By the sums that a store keeps of its arrays, where the files themselves are not there."""
-    found = {}
-    for name in dict.fromkeys(selection_of_any_video(entry).video for entry in entries):
-        video = read_video(Path(source.store) / name)
+    store, found = Path(source.store), {}
+    present = videos_in(store) if store.is_dir() else []
+    for name in dict.fromkeys(selection_of_any_video(entry, present).video for entry in entries):
+        video = read_video(folder_of(store, name))
         for kind, shard in ({} if video is None else video.shards).items():
             found[f"{kind} of {name} (store)"] = f"{shard.bytes} bytes, crc32 {shard.crc32:08x}"
     return found

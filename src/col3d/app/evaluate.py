@@ -6,7 +6,6 @@ from typing import Any
 
 import torch
 from torch import Tensor
-from torch.utils.data import DataLoader
 
 from col3d.app import build
 from col3d.app.compiled import compile_network
@@ -24,8 +23,9 @@ from col3d.app.truth_check import has_truth
 from col3d.batch import Batch, Prediction
 from col3d.callbacks import SavePredictions, StopSignals
 from col3d.checks import UserError
-from col3d.data.datamodule import FrameDataModule, Frames, heed_parent_alone
+from col3d.data.datamodule import FrameDataModule, Frames
 from col3d.data.sized import SizedFrames, WithMixedTruth
+from col3d.data.workers import SteadyLoader
 from col3d.owned import Owned
 from col3d.reports.predictions import StoredPredictions, owned_predictions, read_facts
 from col3d.reports.run_page import PAGE, write_run_page
@@ -141,11 +141,7 @@ def _score(
     truth = _truth(frames, options, subject, str(results.facts["split"]))
     protocol, mean = build.protocol(name, options), subject.task.mean_depth
     results.panels.choose(len(frames))
-    workers = subject.data.workers
-    loader = DataLoader(
-        truth, batch_size=1, num_workers=workers, worker_init_fn=heed_parent_alone if workers else None
-    )
-    for batch in loader:
+    for batch in SteadyLoader(truth, batch_size=1, num_workers=subject.data.workers):
         prediction = _read(stored, batch)
         values = protocol.score(prediction, batch)
         baseline = {} if mean is None else protocol.score({"depth": mean.expand_as(batch["depth"])}, batch)

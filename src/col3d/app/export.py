@@ -15,13 +15,14 @@ import torch
 from col3d.app.config import ExportOptions
 from col3d.app.errors import check_options
 from col3d.app.exported_facts import facts_of
+from col3d.app.half import HalfNetwork
 from col3d.app.learnt import Learnt, learnt, located
 from col3d.app.machine import quiet
 from col3d.app.onnx_file import OnnxFile, write_onnx
 from col3d.app.program_file import ProgramFile, write_program
 from col3d.app.same_outputs import File, Likeness, compare
 from col3d.app.stopping import stoppable
-from col3d.app.traced import LEAST_SIDE, traced
+from col3d.app.traced import LEAST_SIDE, Fixed, traced
 from col3d.app.weights_file import write_weights
 from col3d.callbacks import StopSignals
 from col3d.checks import UserError
@@ -57,12 +58,15 @@ def export(given: Mapping[str, Any]) -> None:
 
 
 def _export_program(options: ExportOptions, path: Path, stop: StopSignals) -> None:
-    subject = learnt(Path(options.checkpoint), options.published, options.max_depth, options.size)
+    seen = options.size if options.published else None
+    subject = learnt(Path(options.checkpoint), options.published, options.max_depth, seen)
+    size_hw = None if options.size is None else (options.size[0], options.size[1])
+    fixed = Fixed(options.batch, size_hw)
     _check_output(subject)
     with _in_place(path, stop) as partial:
         print(f"export: {subject.name} to {path}, which takes a while", flush=True)
-        likeness = _write(subject, partial, path.suffix)
-    _report(subject, path, likeness)
+        likeness = _write(subject, partial, options, fixed)
+    _report(subject, path, likeness, fixed)
 
 
 def _check_output(subject: Learnt) -> None:
@@ -121,13 +125,14 @@ def _on_disk(path: Path) -> None:
         os.fsync(file.fileno())
 
 
-def _write(subject: Learnt, partial: Path, kind: str) -> Likeness:
+def _write(subject: Learnt, partial: Path, options: ExportOptions, fixed: Fixed) -> Likeness:
     subject.network.to("cpu").requires_grad_(False)
-    write, opened, _ = FORMATS[kind]
+    write, opened, _ = FORMATS[partial.suffix]
+    half = HalfNetwork(subject.network).eval() if options.half else None
     with _silently():
-        write(traced(subject.network), partial, facts_of(subject))
+        write(traced(half or subject.network, fixed), partial, facts_of(subject, fixed), options.opset)
         file = opened(partial)
-    return compare(subject, file)
+    return compare(subject, file, fixed, half)
 
 
 @contextmanager
@@ -143,17 +148,27 @@ def _silently() -> Iterator[None]:
         logging.disable(before)
 
 
-def _report(subject: Learnt, path: Path, likeness: Likeness) -> None:
+def _rounding(likeness: Likeness, units: Mapping[str, str]) -> str:
+    """What half precision does in PyTorch itself, where that was compared."""
+    own = ", ".join(f"{name} {value:.1e}{units[name]}" for name, value in likeness.rounding.items())
+    return f"; PyTorch's own in half: {own}" if own else ""
+
+
+def _report(subject: Learnt, path: Path, likeness: Likeness, fixed: Fixed) -> None:
     sizes = ", ".join(" x ".join(map(str, size)) for size in likeness.sizes)
     units = {"depth": " mm", "normals": " in a component"}
     largest = ", ".join(f"{name} {value:.1e}{units[name]}" for name, value in likeness.differences.items())
-    height, width = subject.size_hw
+    at = " x ".join(map(str, fixed.size_hw or subject.size_hw))
     *_, engine = FORMATS[path.suffix]
     takes = "image and rays" if subject.network.needs_rays else "image"
     print(f"wrote {path}, {path.stat().st_size / 1e6:.1f} MB: {takes} -> {', '.join(subject.network.tasks)}")
-    print(f"any batch, any size from {LEAST_SIDE} x {LEAST_SIDE}; checked at {sizes}")
-    print(f"largest difference from PyTorch: {largest}")
+    batch = "any batch" if fixed.batch is None else f"batches of {fixed.batch}"
+    size = f"any size from {LEAST_SIDE} x {LEAST_SIDE}"
+    if fixed.size_hw is not None:
+        size = f"images of {fixed.size_hw[0]} x {fixed.size_hw[1]}"
+    print(f"{batch}, {size}; checked at {sizes}")
+    precision = " in single precision" if likeness.rounding else ""
+    print(f"largest difference from PyTorch{precision}: {largest}{_rounding(likeness, units)}")
     print(
-        f"{engine} takes {likeness.ratio:.2f} of PyTorch's time at {height} x {width} "
-        f"({torch.get_num_threads()} threads)"
+        f"{engine} takes {likeness.ratio:.2f} of PyTorch's time at {at} ({torch.get_num_threads()} threads)"
     )

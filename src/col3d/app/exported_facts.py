@@ -4,6 +4,7 @@ from importlib.metadata import version
 from typing import Any
 
 from col3d.app.learnt import Learnt
+from col3d.app.traced import ANY, Fixed
 from col3d.geometry.camera_file import plain_from_camera
 
 INPUTS = {
@@ -20,13 +21,15 @@ CONVENTIONS = (
 )
 
 
-def facts_of(learnt: Learnt) -> dict[str, Any]:
+def facts_of(learnt: Learnt, fixed: Fixed = ANY) -> dict[str, Any]:
     """Name, sizes, range, lens, inputs, outputs and conventions, as JSON has them."""
     given = ("image", "rays") if learnt.network.needs_rays else ("image",)
     return {
         "model": learnt.name,
         "max_depth": learnt.max_depth,
         "trained_size": list(learnt.size_hw),
+        "batch": fixed.batch,
+        "size": None if fixed.size_hw is None else list(fixed.size_hw),
         "trained_on": list(learnt.trained_on),
         "lenses": [plain_from_camera(camera) for camera in learnt.cameras],
         "inputs": {name: INPUTS[name] for name in given},

@@ -18,6 +18,7 @@ from col3d.data.processes import check_replaceable
 from col3d.data.simcol3d import SimCol3D
 from col3d.data.sized import Joined, Resized, SizedFrames, WithMixedTruth
 from col3d.data.splits import SPLITS, check_counts, check_end, expand, parse_selection
+from col3d.data.store import videos_in
 from col3d.data.transforms import Augment
 from col3d.data.videos import video_table
 
@@ -156,7 +157,11 @@ def sized_frames(
         say(names)
     stored = stored_frames(source, frames, entries, size_hw, say)
     if stored is None:
-        return Resized(_read_from_files(source, phantom, part, entries), size_hw)
+        frames = _read_from_files(source, phantom, part, entries)
+    for note in frames.notes.values():
+        say(f"note: {note}")
+    if stored is None:
+        return Resized(frames, size_hw)
     releases = {video.video: video.release for video in stored.stored}
     _check_counts(source, part, entries, stored.videos, releases)
     return stored
@@ -190,6 +195,7 @@ def data_module(
 
     sets: dict[str, Frames] = {}
     weights: list[tuple[int, float]] = []
+    sparse = False
     for part in splits:
         source = options.tested if part == "test" else options
         if part == "train":
@@ -198,6 +204,7 @@ def data_module(
             _check_weights(sources, parts)
             weights = [(len(frames), source.weight) for frames, source in zip(parts, sources, strict=True)]
             sets[part] = Joined(parts) if options.also else parts[0]
+            sparse = not all(frames.dense_truth for frames in parts)
         elif part == "test" and test_truth == "mixed":
             sets[part] = WithMixedTruth(full_frames(source, phantom, part), (height, width))
         else:
@@ -206,7 +213,7 @@ def data_module(
         sets,
         batch_size=options.batch_size,
         workers=options.workers,
-        augment=Augment(**options.augment.model_dump()),
+        augment=Augment(**options.augment.model_dump(), sparse=sparse),
         seed=seed,
         weights=weights,
     )
@@ -227,7 +234,7 @@ def _videos_at_hand(source: SourceOptions, phantom: PhantomOptions) -> list[str]
         return list(dict.fromkeys([*video_table(), *frame_set(source, phantom, []).folders]))
     root, store = Path(source.root), Path(source.store)
     if not root.is_dir() and source.store not in ("auto", "none") and store.is_dir():
-        return sorted(path.name for path in store.iterdir() if path.is_dir())
+        return videos_in(store)
     return list(frame_set(source, phantom, []).folders)
 
 

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
 from col3d.app.cameras import camera_at
-from col3d.app.config import FuseOptions
+from col3d.app.config import FuseOptions, PoseOptions
 from col3d.app.errors import check_options
 from col3d.app.foreseen import in_a_line
 from col3d.app.learnt import SIZE, Learnt, learnt
@@ -25,6 +25,7 @@ from col3d.data.c3vd import C3VD, C3VDv2
 from col3d.data.coverage_mesh import COVERAGE_MESH, CoverageMesh, read_coverage_mesh
 from col3d.data.images import read_image
 from col3d.data.octagon import octagon_mask
+from col3d.data.pose_readings import PoseReading, find_reading
 from col3d.data.processes import frames_bar
 from col3d.data.resize import Resize
 from col3d.data.videos import canonical_name, described
@@ -86,7 +87,7 @@ def fuse(given: Mapping[str, Any]) -> None:
 def _fuse(options: FuseOptions, stop: StopSignals) -> None:
     output = _checked_room(options)
     frames = _video(options)
-    poses = frames.poses(frames.frames[0].video).numpy()
+    poses = _poses(frames, options.poses)
     network = _network(options)
     wall = _wall(frames)
     height, width = network.size_hw if network else options.size or SIZE
@@ -185,11 +186,26 @@ def _video(options: FuseOptions) -> C3VD:
     return kind(root, [entry], normals="none", camera=camera, truth=has_truth)
 
 
-def _chosen(frames: C3VD, poses: np.ndarray, most: int | None) -> list[int]:
+def _poses(frames: C3VD, options: PoseOptions) -> dict[int, np.ndarray]:
+    """Camera to world of each frame by its number, as depth bears it out."""
+    stored = frames.poses(frames.frames[0].video).numpy()
+    asked = options.model_dump(exclude={"check"})
+    reading = PoseReading.of(asked)
+    if options.check and frames.with_truth:
+        found = find_reading(frames, stored, asked)
+        reading = found.reading
+        if found.note:
+            print(f"note: {found.note}", flush=True)
+    poses = reading.camera_to_world(stored)
+    placed = {frame.number: reading.of_frame(poses, frame.number) for frame in frames.frames}
+    return {number: pose for number, pose in placed.items() if pose is not None}
+
+
+def _chosen(frames: C3VD, poses: Mapping[int, np.ndarray], most: int | None) -> list[int]:
     """Places of frames, spread evenly over those that have a pose."""
-    posed = [place for place, frame in enumerate(frames.frames) if frame.number < len(poses)]
+    posed = [place for place, frame in enumerate(frames.frames) if frame.number in poses]
     if not posed:
-        raise DataError(f"{frames.root}: none of the {len(poses)} lines of pose.txt is of a frame there")
+        raise DataError(f"{frames.root}: no line of pose.txt is of a frame there")
     if missing := len(frames) - len(posed):
         print(
             f"note: {missing} of {len(frames)} frames have no line in pose.txt and are left out", flush=True
@@ -199,7 +215,11 @@ def _chosen(frames: C3VD, poses: np.ndarray, most: int | None) -> list[int]:
 
 
 def _seen(
-    frames: C3VD, chosen: Sequence[int], poses: np.ndarray, resize: Resize, network: Learnt | None
+    frames: C3VD,
+    chosen: Sequence[int],
+    poses: Mapping[int, np.ndarray],
+    resize: Resize,
+    network: Learnt | None,
 ) -> Iterator[Seen]:
     camera = resize.resized_camera
     view = octagon_mask(camera.size_hw)

@@ -14,14 +14,15 @@ UNRELATED_INSIDE = {("data", "workers"), ("data", "store")}
 
 def hash_of(options: TrainOptions) -> str:
     """Of all options that the weights and numbers of a run depend on."""
-    content = options.model_dump(mode="json", exclude=UNRELATED)
+    content = _without_nulls(options.model_dump(mode="json", exclude=UNRELATED))
     for group, name in UNRELATED_INSIDE:
         content[group].pop(name)
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def differing(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
-    """Names of the options that differ, and matter."""
+    """Names of the options that differ, and matter; what is null is as good as absent."""
+    before, now = _without_nulls(before), _without_nulls(now)
     names = []
     for name in sorted((before.keys() | now.keys()) - UNRELATED):
         old, new = before.get(name), now.get(name)
@@ -31,3 +32,11 @@ def differing(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
         elif old != new:
             names.append(name)
     return names
+
+
+def _without_nulls(node: Any) -> Any:
+    """Options without those that say nothing, so that one that is new is no change to runs of before."""
+    if not isinstance(node, Mapping):
+        return node
+    inside = {name: _without_nulls(value) for name, value in node.items()}
+    return {name: value for name, value in inside.items() if value is not None and value != {}}

@@ -156,7 +156,7 @@ def trained_task(path: Path) -> tuple[SupervisedTask, TrainOptions, Mapping[str,
     Raises:
         UserError: it is no such checkpoint, or of another version.
     """
-    checkpoint = _read(path)
+    checkpoint = read_file(path)
     _check_run(path, checkpoint)
     options = _trained_options(checkpoint, path)
     model = options.model.model_copy(update={"pretrained": None})
@@ -176,7 +176,7 @@ def published_network(path: Path, source: str, max_depth: float | None = None) -
             f"checkpoint: a value is needed, the file of the weights that published={source} names"
         )
     try:
-        return load_published(source, _read(path), max_depth or MAX_DEPTH)
+        return load_published(source, read_file(path), max_depth or MAX_DEPTH)
     except ValueError as error:
         raise UserError(str(error).replace("state_dict:", f"checkpoint: {path}", 1)) from None
 
@@ -197,7 +197,12 @@ def _check_run(path: Path, checkpoint: Mapping[str, Any]) -> None:
         )
 
 
-def _read(path: Path) -> dict[str, Any]:
+def read_file(path: Path) -> dict[str, Any]:
+    """What a file of weights holds, with every byte checked.
+
+    Raises:
+        UserError: there is no such file, or it is damaged or of something else.
+    """
     if str(path) == SHIPPED:
         _check_shipped(located(path))
     try:

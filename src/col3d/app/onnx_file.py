@@ -10,17 +10,24 @@ import torch
 from torch.export import ExportedProgram
 
 from col3d.app.exported_facts import INPUTS, OUTPUTS
+from col3d.checks import UserError
 
 AXES = {0: "batch", 2: "height", 3: "width"}
 
 
-def write_onnx(program: ExportedProgram, path: Path, facts: Mapping[str, Any]) -> None:
+def write_onnx(
+    program: ExportedProgram, path: Path, facts: Mapping[str, Any], opset: int | None = None
+) -> None:
     """Write the program with its weights into one file.
 
     Args:
         program: of inputs and outputs in the order of `INPUTS` and `OUTPUTS`.
         path: of the file.
         facts: what the file says of itself: text as it is, all else as JSON.
+        opset: version of ONNX's operators; torch's own choice when absent.
+
+    Raises:
+        UserError: the exporter has another version for it.
     """
     import onnx
 
@@ -31,9 +38,13 @@ def write_onnx(program: ExportedProgram, path: Path, facts: Mapping[str, Any]) -
         input_names=names["inputs"],
         output_names=names["outputs"],
         verbose=False,
+        opset_version=opset,
     )
     assert made is not None
     model = made.model_proto
+    versions = {entry.domain: entry.version for entry in model.opset_import}
+    if opset is not None and versions.get("") != opset:
+        raise UserError(f"opset: torch has no version {opset} of this network, but {versions.get('')}")
     _anonymous(model)
     for value in (*model.graph.input, *model.graph.output):
         for axis, name in AXES.items():

@@ -18,7 +18,7 @@ from col3d.data.frames import FrameSet
 from col3d.data.processes import check_replaceable, in_processes, remove_stale
 from col3d.data.sized import Resized
 from col3d.data.splits import SPLITS, expand, parse_selection
-from col3d.data.store import Recipe, read_video, write_video
+from col3d.data.store import Recipe, folder_of, read_video, write_video
 from col3d.data.store.index import shapes
 from col3d.data.videos import seeded_name, video_table
 
@@ -65,15 +65,17 @@ def _prepare(
     for video, folder in frames.folders.items():
         if reason := frames.refusal(video):
             print(f"note: left out: {reason}", flush=True)
-        elif count := len(frames.kinds["color"].find(folder)):
+        elif count := len(frames.files(folder, ["color"])["color"]):
             counts[video] = count
+    for note in frames.notes.values():
+        print(f"note: {note}", flush=True)
     if not counts:
         raise UserError(f"data.root={source.root}: no frames {frames.example} in any folder")
     _check_place(store, Path(source.root), recipe, list(counts))
     remove_stale(store)
     missing = [video for video in counts if not _is_prepared(store, frames, video, recipe)]
     for video in missing:
-        check_replaceable(store / video)
+        check_replaceable(folder_of(store, video))
     _check_space(store, recipe, sum(counts[video] for video in missing))
     jobs = [(store, source, phantom, video, recipe) for video in missing]
     total = sum(counts[video] for video in missing)
@@ -111,8 +113,8 @@ def prepare_video(
 
 def _is_prepared(store: Path, frames: FrameSet, video: str, recipe: Recipe) -> bool:
     """Whether the store holds the video as it lies there now."""
-    stored = read_video(store / video)
-    if stored is None:
+    stored = read_video(folder_of(store, video))
+    if stored is None or stored.video != video:
         return False
     try:
         stored.check()

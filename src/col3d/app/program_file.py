@@ -14,11 +14,13 @@ from torch.fx import GraphModule
 FACTS = "col3d.json"
 
 
-def write_program(program: ExportedProgram, path: Path, facts: Mapping[str, Any]) -> None:
+def write_program(
+    program: ExportedProgram, path: Path, facts: Mapping[str, Any], opset: int | None = None
+) -> None:
     """Write the program with its weights, and the facts as JSON inside.
 
     It is read by `torch.export.load(path, extra_files={"col3d.json": ""}).module(check_guards=False)`: guards
-    are of the memory's layout in the trace, and would refuse other sizes.
+    are of the memory's layout in the trace, and would refuse other sizes. `opset` is of ONNX, and None here.
     """
     _anonymous(program)
     content = io.BytesIO()  # torch ends the whole process where it cannot write to a disk

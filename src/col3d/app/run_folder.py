@@ -24,6 +24,7 @@ from col3d.whole import write_whole
 CONFIG = "config.yaml"
 CHECKPOINTS = "checkpoints"
 PREDICTIONS = "predictions_test"
+EPOCHS = "trainer.max_epochs"
 KIND, OPTION = TRAINING, "hydra.run.dir"
 BEST, LAST = f"{CHECKPOINTS}/best.ckpt", f"{CHECKPOINTS}/last.ckpt"
 FILES = (
@@ -45,6 +46,7 @@ class RunFolder:
         cut_off: the checkpoint to go on from.
         rows: of metrics.csv, of the epochs that it has behind it.
         starts: of the run.
+        longer: what is said of a run that is asked for more epochs than it had.
 
     Raises:
         UserError: the folder holds something else: the run of other options, while overwrite is not set, or
@@ -56,6 +58,7 @@ class RunFolder:
         self.finished: dict[str, Any] = {}
         self.cut_off: Path | None = None
         self.rows: list[dict[str, Any]] = []
+        self.longer = ""
         self.starts = Starts(self.path)
         self.owned = Owned(self.path, KIND, OPTION)
         if not self.starts.replacing:
@@ -74,7 +77,7 @@ class RunFolder:
             owned_predictions(self.path / PREDICTIONS).remove()
             self.owned.adopt(*FILES)
         else:
-            print(f"goes on from {self.cut_off}", flush=True)
+            print(f"goes on from {self.cut_off}{self.longer}", flush=True)
             say_changes(self.starts.changes(start), "the last start")
         content = yaml.safe_dump(self.options.model_dump(mode="json"), sort_keys=False)
         write_whole(self.path / CONFIG, content)
@@ -85,6 +88,7 @@ class RunFolder:
         self.finished = {
             "hash": hash_of(self.options),
             "run": self.starts.run,
+            "epochs": self.options.trainer.max_epochs,
             "best": best,
             "metrics": metrics,
             "seconds": seconds,
@@ -114,7 +118,8 @@ class RunFolder:
         Raises:
             UserError: names the file.
         """
-        found, changed = run_of(content), self._changes(content)
+        found = run_of(content)
+        changed = [option for option in self._changes(content) if option != EPOCHS]
         if found != self.starts.run if found is not None else changed:
             why = f"with another {', '.join(changed)}" if changed else "of the same options"
             raise UserError(
@@ -125,12 +130,15 @@ class RunFolder:
     def _look(self) -> None:
         result = read_plain(self.path / RESULT)
         stays = not self.options.overwrite or is_replaced(self.path)
-        if _is_result(result) and result["hash"] == hash_of(self.options) and stays:
+        if _is_result(result) and self._is_of_these_options(result) and stays:
             self.finished = result
             return
-        checkpoint, content = (None, {}) if result else self._last_checkpoint()
+        whole = bool(result) and (self.options.overwrite or not _is_result(result))
+        checkpoint, content = (None, {}) if whole else self._last_checkpoint()
         before = self._before(content)
         changed = differing(before, self.options.model_dump(mode="json")) if result or checkpoint else []
+        if changed == [EPOCHS] and checkpoint is not None and not self.options.overwrite:
+            changed = self._lengthened(before)
         if self.options.overwrite:
             if _is_result(result) or "about" in content:
                 self.owned.adopt(*(name for name in FILES if (self.path / name).exists()))
@@ -144,6 +152,25 @@ class RunFolder:
         if checkpoint is not None:
             self.cut_off, self.rows = checkpoint, content[ROWS]
             self.starts.run = run_of(content) or self.starts.run
+
+    def _is_of_these_options(self, result: dict[str, Any]) -> bool:
+        """Whether a finished run is the one that is asked for, though options may have come since."""
+        if result["hash"] == hash_of(self.options):
+            return True
+        epochs = self.options.trainer.max_epochs
+        return not self._changes({}) and result.get("epochs", epochs) == epochs
+
+    def _lengthened(self, before: dict[str, Any]) -> list[str]:
+        """What still differs where a run of fewer epochs is to have more; notes that it goes on."""
+        had, asked = before["trainer"]["max_epochs"], self.options.trainer.max_epochs
+        if not isinstance(had, int) or asked < had:
+            return [EPOCHS]
+        self.longer = f", for {asked} epochs instead of {had}"
+        if self.options.scheduler.name != "constant":
+            self.longer += f"; the learning rate goes on where its schedule over {asked} epochs would be"
+        if _is_result(result := read_plain(self.path / RESULT)) and "epochs" not in result:
+            write_json(self.path / RESULT, {**result, "epochs": had})
+        return []
 
     def _check_place(self) -> None:
         """Refuse what would be replaced and is not this program's."""

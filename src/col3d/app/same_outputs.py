@@ -1,18 +1,20 @@
 """Whether an exported file says what PyTorch says: at several sizes, on noise and on a frame of a colon."""
 
+import math
 import statistics
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from col3d.app.half import HalfNetwork
 from col3d.app.learnt import Learnt
-from col3d.app.traced import LEAST_SIDE, sample
+from col3d.app.traced import ANY, LEAST_SIDE, Fixed, sample
 from col3d.checks import UserError
 from col3d.data.images import read_image
 from col3d.data.phantom import PhantomSettings, render_phantom
@@ -22,6 +24,10 @@ TOLERANCE = {"depth": 1e-5, "normals": 1e-4}
 """Largest difference: of depth as a share of the largest depth, of normals in each component."""
 NOISE = ((1, LEAST_SIDE, 130), (3, 75, 101), (2, 224, 97))
 """Batches, heights and widths that are no multiples of what networks pad to."""
+ROUNDINGS = 2
+"""How many times the error of PyTorch's own half precision a file in half precision may be off.
+
+It sums in another order, so that its error is another of the same size; they differ by up to both."""
 TURNS = 5
 
 
@@ -37,33 +43,58 @@ class Likeness:
         sizes: batch, height and width of what was tried.
         differences: the largest of each output, in mm and as components of unit vectors.
         ratio: its time over PyTorch's, for one frame of the training's size.
+        rounding: largest difference of PyTorch's own half precision from single, where that was compared.
     """
 
     sizes: Sequence[tuple[int, int, int]]
     differences: Mapping[str, float]
     ratio: float
+    rounding: Mapping[str, float] = field(default_factory=dict)
 
 
-def compare(learnt: Learnt, file: File) -> Likeness:
-    """Hold an exported file against the network that it is of.
+def compare(learnt: Learnt, file: File, fixed: Fixed = ANY, half: HalfNetwork | None = None) -> Likeness:
+    """Hold an exported file against the network that it is of, in single precision.
+
+    Args:
+        learnt: the network.
+        file: of it.
+        fixed: what the file is bound to.
+        half: the network that a file in half precision is of.
 
     Raises:
         UserError: they differ.
     """
     differences = dict.fromkeys(learnt.network.tasks, 0.0)
+    rounding = dict.fromkeys(learnt.network.tasks if half else (), 0.0)
     sizes = []
-    for image in (*_noise(), frame := phantom_frame(learnt.size_hw)):
+    batch, height, width = fixed.shape(1, *learnt.size_hw)
+    frame = phantom_frame((height, width)).expand(batch, -1, -1, -1).contiguous()
+    for image in (*_noise(fixed), frame):
         inputs = sample(learnt.network, image, next(iter(learnt.cameras), None))
+        rounded = {} if half is None else _differences(learnt, _as_file(half), inputs)
         found = _differences(learnt, file, inputs)
-        _refuse(found, learnt.max_depth, tuple(image.shape))
+        _refuse(found, learnt.max_depth, rounded, tuple(image.shape))
         differences = {name: max(largest, found[name]) for name, largest in differences.items()}
+        rounding = {name: max(largest, rounded[name]) for name, largest in rounding.items()}
         sizes.append((image.shape[0], image.shape[2], image.shape[3]))
-    return Likeness(sizes, differences, _ratio(learnt, file, frame))
+    return Likeness(list(dict.fromkeys(sizes)), differences, _ratio(learnt, file, frame), rounding)
 
 
-def _noise() -> list[Tensor]:
+def _noise(fixed: Fixed) -> list[Tensor]:
     generator = torch.Generator().manual_seed(0)
-    return [torch.rand(batch, 3, height, width, generator=generator) for batch, height, width in NOISE]
+    shapes = [fixed.shape(*shape) for shape in NOISE]
+    return [torch.rand(batch, 3, height, width, generator=generator) for batch, height, width in shapes]
+
+
+def _as_file(network: HalfNetwork) -> File:
+    """A network as if it were a file."""
+
+    @torch.inference_mode()
+    def run(inputs: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        found = network(**{name: torch.from_numpy(values) for name, values in inputs.items()})
+        return {name: values.numpy() for name, values in found.items()}
+
+    return run
 
 
 def phantom_frame(size_hw: tuple[int, int]) -> Tensor:
@@ -83,13 +114,18 @@ def _differences(learnt: Learnt, file: File, inputs: Mapping[str, Tensor]) -> di
     return {name: float(np.abs(found[name] - expected[name].numpy()).max()) for name in learnt.network.tasks}
 
 
-def _refuse(differences: Mapping[str, float], max_depth: float, shape: tuple[int, ...]) -> None:
-    allowed = {"depth": TOLERANCE["depth"] * max_depth, "normals": TOLERANCE["normals"]}
+def _refuse(
+    differences: Mapping[str, float], max_depth: float, rounded: Mapping[str, float], shape: tuple[int, ...]
+) -> None:
+    single = {"depth": TOLERANCE["depth"] * max_depth, "normals": TOLERANCE["normals"]}
     for name, difference in differences.items():
-        if not difference <= allowed[name]:  # so that NaN is refused
+        if not math.isfinite(rounded.get(name, 0.0)):
+            raise UserError(f"half: {name} that the network predicts in half precision is not finite")
+        allowed = single[name] + ROUNDINGS * rounded.get(name, 0.0)
+        if not difference <= allowed:  # so that NaN is refused
             raise UserError(
                 f"export: {name} of {shape[0]} x {shape[2]} x {shape[3]} differs from PyTorch's by "
-                f"{difference:.2g}, and {allowed[name]:.2g} is allowed; nothing was written"
+                f"{difference:.2g}, and {allowed:.2g} is allowed; nothing was written"
             )
 
 

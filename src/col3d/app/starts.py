@@ -19,8 +19,8 @@ Start = dict[str, Any]
 
 def this_start(options: TrainOptions) -> Start:
     """What a start finds now."""
-    pretrained = Path(options.model.pretrained or "none")
-    given = [pretrained] if pretrained.is_file() else []
+    files = {"model.pretrained": options.model.pretrained, "init.checkpoint": options.init.checkpoint}
+    given = {option: Path(name) for option, name in files.items() if name and Path(name).is_file()}
     return {
         "time": datetime.now(UTC).isoformat(timespec="seconds"),
         "command": command(),
@@ -29,8 +29,8 @@ def this_start(options: TrainOptions) -> Start:
         "packages": {**versions(), **plugins()},
         "data": data_state(options.data, options.phantom)
         | {
-            f"model.pretrained {path}": f"{path.stat().st_size} bytes, {path.stat().st_mtime_ns}"
-            for path in given
+            f"{option} {path}": f"{path.stat().st_size} bytes, {path.stat().st_mtime_ns}"
+            for option, path in given.items()
         },
     }
 

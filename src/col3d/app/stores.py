@@ -8,7 +8,7 @@ from col3d.app.config import SourceOptions
 from col3d.checks import DataError
 from col3d.data.frames import FrameSet
 from col3d.data.splits import check_end, selection_of_any_video
-from col3d.data.store import Recipe, Stored, StoredVideo, read_video
+from col3d.data.store import Recipe, Stored, StoredVideo, folder_of, read_video, videos_in
 from col3d.data.videos import frames_of
 from col3d.whole import write_whole
 
@@ -19,7 +19,15 @@ KNOWN = ".col3d_stores.json"
 def recipe_of(source: SourceOptions, frames: FrameSet, size_hw: tuple[int, int]) -> Recipe:
     """What prepared frames have to be made by."""
     camera = frames.camera.resized(size_hw)
-    return Recipe(source.name, size_hw, source.normals, frames.max_depth, camera, frames.decoding())
+    return Recipe(
+        source.name,
+        size_hw,
+        source.normals,
+        frames.max_depth,
+        camera,
+        frames.decoding(),
+        frames.dense_truth,
+    )
 
 
 def beside(root: str | Path, size_hw: tuple[int, int]) -> Path:
@@ -93,11 +101,12 @@ def _fitting(
 ) -> Stored | str:
     """The frames of these entries, or why the store cannot give them."""
     frames.frames = []
+    present = list(frames.folders) if frames.root.is_dir() else videos_in(store)
     chosen: list[tuple[StoredVideo, Sequence[int]]] = []
     for entry in entries:
-        selection = selection_of_any_video(entry)
-        video = read_video(store / selection.video)
-        if video is None:
+        selection = selection_of_any_video(entry, present)
+        video = read_video(folder_of(store, selection.video))
+        if video is None or video.video != selection.video:
             return f"{selection.video} is not prepared there"
         if differs := video.differs(recipe):
             return f"{selection.video} was prepared otherwise ({differs})"

@@ -1,9 +1,12 @@
 """A network as a graph, traced once, that holds for batches and images of any size."""
 
+from dataclasses import dataclass
+
 import torch
 from torch import Tensor
 from torch.export import Dim, ExportedProgram, export
 
+from col3d.app.half import HalfNetwork
 from col3d.geometry import Camera, OmnidirectionalCamera
 from col3d.layers.network import DepthNetwork
 
@@ -14,7 +17,29 @@ LEAST_SIDE = 33
 """Pixels of a side from which a traced program is known to hold; below, a map at 1/32 has one row."""
 
 
-def sample(network: DepthNetwork, image: Tensor, lens: Camera | None = None) -> dict[str, Tensor]:
+@dataclass(frozen=True)
+class Fixed:
+    """What a program is bound to; None of what stays open.
+
+    Attributes:
+        batch: number of images.
+        size_hw: their height and width.
+    """
+
+    batch: int | None = None
+    size_hw: tuple[int, int] | None = None
+
+    def shape(self, batch: int, height: int, width: int) -> tuple[int, int, int]:
+        """A batch, height and width, as far as they are open."""
+        return (self.batch or batch, *(self.size_hw or (height, width)))
+
+
+ANY = Fixed()
+
+
+def sample(
+    network: DepthNetwork | HalfNetwork, image: Tensor, lens: Camera | None = None
+) -> dict[str, Tensor]:
     """The inputs of a network by name: images, and the rays of a lens where it needs them.
 
     Args:
@@ -28,15 +53,20 @@ def sample(network: DepthNetwork, image: Tensor, lens: Camera | None = None) -> 
     return {"image": image, "rays": camera.rays()[None]}
 
 
-def traced(network: DepthNetwork) -> ExportedProgram:
-    """The network, in evaluation mode on the CPU, as a program whose batch, height and width stay open.
+def traced(network: DepthNetwork | HalfNetwork, fixed: Fixed = ANY) -> ExportedProgram:
+    """The network, in evaluation mode on the CPU, as a program for images of any size, or of a fixed one.
 
     Layers take their plain forms where `torch.compiler.is_exporting()`.
+
+    Args:
+        network: as it is, or in half precision.
+        fixed: batch, and height and width, that the program is bound to.
     """
-    batch, height, width = TRACED
+    batch, height, width = fixed.shape(*TRACED)
     given = sample(network, torch.rand(batch, 3, height, width))
-    open_sides = {2: Dim.DYNAMIC, 3: Dim.DYNAMIC}
-    sizes = {"image": {0: Dim.DYNAMIC, **open_sides}, "rays": open_sides}
+    open_sides = {} if fixed.size_hw else {2: Dim.DYNAMIC, 3: Dim.DYNAMIC}
+    open_batch = {} if fixed.batch else {0: Dim.DYNAMIC}
+    sizes = {"image": {**open_batch, **open_sides}, "rays": open_sides}
     return export(
         network, tuple(given.values()), dynamic_shapes=tuple(sizes[name] for name in given), strict=False
     )

@@ -18,6 +18,7 @@ from col3d.app.decorate import best_weights, decorate, kept_predictions, show_ag
 from col3d.app.errors import check_options
 from col3d.app.foreseen import in_a_line
 from col3d.app.frames import data_module, settled
+from col3d.app.initial_weights import begin_from
 from col3d.app.job import JobStatus, locked, reported
 from col3d.app.machine import check_accelerator, make_trainer, quiet
 from col3d.app.metrics_file import MetricsFile, RowsInCheckpoints
@@ -103,9 +104,13 @@ def _run(options: TrainOptions, folder: RunFolder, stop: StopSignals, status: Jo
     truth = options.one_protocol[1].truth
     frames = data_module(options.data, options.phantom, options.seed, test_truth=truth)
     task = build.task(options)
+    say = print if is_first() else lambda line: None
+    if folder.cut_off is None:
+        begin_from(task.network, options.init, say)
     if options.trainer.compile:
         compile_network(task.network)
-    check_truth(frames.frames, options.data, options.one_protocol[1])
+    learns_normals = options.loss.normals is not None
+    check_truth(frames.frames, options.data, options.one_protocol[1], learns_normals, say)
     scored = Scored.after(options.data, "test")
     if is_first():
         scored.print_audit()

@@ -17,7 +17,8 @@ from col3d.app.stopping import stoppable
 from col3d.app.stores import remembered
 from col3d.callbacks import StopSignals
 from col3d.checks import DataError, UserError
-from col3d.data.frames import Frame, FrameSet
+from col3d.data.frame_files import Frame
+from col3d.data.frames import FrameSet
 from col3d.data.phantom.write import read_manifest
 from col3d.data.processes import in_processes
 from col3d.data.release import RELEASES
@@ -127,7 +128,7 @@ def _named(source: SourceOptions, present: Sequence[str]) -> list[str]:
     """Videos of the split, each once."""
     parts = [*source.split.train, *source.split.val, *source.split.test]
     entries = expand(parts, present)
-    return list(dict.fromkeys(selection_of_any_video(entry).video for entry in entries))
+    return list(dict.fromkeys(selection_of_any_video(entry, present).video for entry in entries))
 
 
 def _plans(source: SourceOptions, frames: FrameSet, fast: bool) -> tuple[dict[str, Plan], list[Finding]]:

@@ -76,7 +76,7 @@ class ImagePanels(Callback):
             name = f"panels/{batch['video'][0]}_{int(batch['frame'][0]):04d}"
             owned.claim(f"{name}.png", f"{name}.npz")
             path = self.folder / f"{name}.png"
-            path.parent.mkdir(exist_ok=True)
+            path.parent.mkdir(parents=True, exist_ok=True)
             save_panel(path, _maps(batch, prediction, 0), _title(batch, values))
             if batch["mask"].any():
                 _save_points(path.with_suffix(".npz"), batch, prediction, 0)

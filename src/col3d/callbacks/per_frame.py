@@ -10,7 +10,7 @@ from lightning import Callback, LightningModule, Trainer
 from torch import Tensor
 
 from col3d.batch import Batch
-from col3d.reports.per_frame import write_per_frame
+from col3d.reports.per_frame import COLUMNS, NORMAL_METRICS, write_per_frame
 
 Row = dict[str, str | int | float]
 
@@ -53,13 +53,15 @@ class PerFrameTable(Callback):
             {name: of_frames.tolist() for name, of_frames in of_batch.items()}
             for of_batch in (scored, scored_baseline)
         )
-        counted = scored.get("pixels", batch["mask"].flatten(1).sum(dim=1))
-        valid = (counted > 0).tolist()
+        pixels = scored.get("pixels", batch["mask"].flatten(1).sum(dim=1))
+        without_depth = (pixels == 0).tolist()
+        without_normals = (scored.get("normal_pixels", pixels) == 0).tolist()
         for i, (video, frame) in enumerate(zip(batch["video"], batch["frame"].tolist(), strict=True)):
             segment, texture = self.describe(video)
             where = {**self.facts, "video": video, "segment": segment, "texture": texture, "frame": frame}
-            self.rows.append({**where, **_values(values, i, valid[i])})
-            self.baseline.append({**where, **_values(baseline, i, valid[i])})
+            uncounted = without_depth[i], without_normals[i]
+            self.rows.append({**where, **_values(values, i, *uncounted)})
+            self.baseline.append({**where, **_values(baseline, i, *uncounted)})
 
     def on_test_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Gather, order and write."""
@@ -78,10 +80,14 @@ class PerFrameTable(Callback):
         write_per_frame(self.path, self.rows)
 
 
-def _values(values: Mapping[str, list[float]], index: int, valid: bool) -> Row:
-    """Metrics of one frame; none for a frame without a valid pixel."""
-    found = {name: of_frames[index] for name, of_frames in values.items()}
-    return {name: value for name, value in found.items() if valid or not math.isnan(value)}
+def _values(values: Mapping[str, list[float]], index: int, without_depth: bool, without_normals: bool) -> Row:
+    """Metrics of one frame, but for those that had no pixel to count."""
+    found = {name: of_frames[index] for name, of_frames in values.items() if name in COLUMNS}
+    return {
+        name: value
+        for name, value in found.items()
+        if not (math.isnan(value) and (without_normals if name in NORMAL_METRICS else without_depth))
+    }
 
 
 def _gather(rows: list[Row], world_size: int) -> list[Row]:

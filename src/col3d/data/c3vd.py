@@ -18,7 +18,8 @@ from torch import Tensor
 
 from col3d.checks import DataError, check_known
 from col3d.data.files import read_grey, read_rgb
-from col3d.data.frames import Depth, Frame, FrameSet, Kind, Take, everywhere
+from col3d.data.frame_files import Frame, Kind
+from col3d.data.frames import Depth, FrameSet, Take, everywhere
 from col3d.data.octagon import octagon_mask
 from col3d.data.release import (
     AGREEMENT,
@@ -68,6 +69,7 @@ class C3VD(FrameSet):
     }
     example = "NNNN_color.png with NNNN_depth.tiff, or rgb/NNNN.png with depth/NNNN_depth.tiff"
     max_depth = MAX_DEPTH
+    dense_truth = True
     data: ClassVar[str] = "c3vd"
     """Its name in the table of videos."""
 
@@ -180,7 +182,9 @@ class C3VD(FrameSet):
             poses = camera_to_world(np.array(rows))
             turns = poses[:, :3, :3]
             off = np.abs(turns @ turns.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
-            if not (fine := np.isfinite(poses).all(axis=(1, 2)) & (off < OFF_ORTHONORMAL)).all():
+            fine = np.isfinite(poses).all(axis=(1, 2)) & (off < OFF_ORTHONORMAL)
+            fine[fine] = np.linalg.det(turns[fine]) > 0  # one that mirrors is none
+            if not fine.all():
                 raise ValueError(f"line {int(np.argmin(fine)) + 1} is no rotation with a place")
             return torch.from_numpy(poses)
         except (OSError, ValueError) as error:

@@ -21,6 +21,7 @@ from col3d.batch import Batch
 from col3d.geometry import Camera
 
 DEPTH_STEPS, NORMAL_STEPS = 65535, 32767
+NO_NORMAL = -32768
 WORST_ANGLE = 0.004
 """Degrees by which a decoded normal may differ from the one that was encoded."""
 
@@ -33,9 +34,9 @@ class Codes(TypedDict):
     depth: Int16[Tensor, "b h w"]
     """The bits of an unsigned code, of which 65535 is `max_depth`."""
     normals: NotRequired[Int16[Tensor, "b 2 h w"]]
-    """Octahedral coordinates, of which 32767 is 1."""
+    """Octahedral coordinates, of which 32767 is 1; `NO_NORMAL` where depth is known and the normal is not."""
     mask: Bool[Tensor, "b h w"]
-    """True where depth (and normals, when present) are known."""
+    """True where depth is known."""
     max_depth: Float[Tensor, " b"]
     """Millimetres."""
     lens: Int[Tensor, " b"]
@@ -59,7 +60,8 @@ def encode(item: dict[str, Any], max_depth: float) -> dict[str, Tensor]:
         "mask": item["mask"][0],
     }
     if "normals" in item:
-        codes["normals"] = octahedral(item["normals"])
+        missing = item["mask"] & ~(item["normals"] != 0).any(dim=0, keepdim=True)
+        codes["normals"] = octahedral(item["normals"]).masked_fill_(missing, NO_NORMAL)
     return codes
 
 
@@ -84,7 +86,8 @@ def decode(codes: Codes, cameras: Sequence[Camera]) -> Batch:
         "frame": codes["frame"],
     }
     if "normals" in codes:
-        batch["normals"] = from_octahedral(codes["normals"]).mul_(known)
+        has_normal = codes["normals"][:, :1] != NO_NORMAL
+        batch["normals"] = from_octahedral(codes["normals"]).mul_(mask & has_normal)
     return batch  # type: ignore[return-value]
 
 

@@ -2,10 +2,6 @@
 
 import itertools
 import math
-import os
-import signal
-import sys
-import threading
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -18,28 +14,11 @@ from col3d.checks import DataError
 from col3d.data.codes import Codes, decode
 from col3d.data.sized import SizedFrames
 from col3d.data.transforms import Augment
+from col3d.data.workers import SteadyLoader
 from col3d.geometry import Camera
 from col3d.geometry.camera_file import plain_from_camera
 
 Frames = Dataset[dict[str, Any]]
-WORKERS_START = "fork" if sys.platform == "linux" else None
-"""Said, because a launcher that runs jobs in processes of its own may have set another start method."""
-
-
-def heed_parent_alone(worker: int) -> None:
-    """Let a worker end when its loader ends it, and not by what a scheduler or Ctrl-C sends to all processes.
-
-    Else its parent would have nothing to go on to the end of the step with, where it can save.
-    """
-    signals = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1, signal.SIGUSR2}
-    signal.pthread_sigmask(signal.SIG_BLOCK, signals)
-
-    def wait() -> None:
-        while signal.sigwaitinfo(signals).si_pid != os.getppid():
-            pass
-        os._exit(0)
-
-    threading.Thread(target=wait, daemon=True).start()
 
 
 class InCodes(Dataset[Codes]):
@@ -112,7 +91,7 @@ class EveryFrameOnce(Sampler[int]):
         return iter(self.indices)
 
 
-class ResumableLoader(DataLoader[Any]):
+class ResumableLoader(SteadyLoader):
     """A loader whose position a checkpoint keeps: the epoch that follows `load_state_dict` begins there.
 
     The order of frames is one of (seed, epoch): the number of batches is all there is to keep.
@@ -255,8 +234,6 @@ class FrameDataModule(LightningDataModule):
             batch_sampler=LaterBatches(sampler, self.batch_size, drop_last=False),
             collate_fn=None if coded is None else as_it_is,
             num_workers=self.workers,
-            multiprocessing_context=WORKERS_START if self.workers else None,
-            worker_init_fn=heed_parent_alone if self.workers else None,
             persistent_workers=self.workers > 0,
             pin_memory=torch.cuda.is_available(),
         )

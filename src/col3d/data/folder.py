@@ -1,17 +1,23 @@
 """Your own frames: images with depth in a unit that you describe, and a file that describes the camera."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Shaped
+from jaxtyping import Bool, Shaped
+from torch import Tensor
 
 from col3d.checks import DataError
 from col3d.data.depth_files import check_depth_file, read_depth_file
-from col3d.data.frames import Depth, FrameSet, Kind, check_root
+from col3d.data.frame_files import Kind, Twice, refuse_twice
+from col3d.data.frame_pairing import labelled, pair
+from col3d.data.frames import Depth, FrameSet, check_root, named
 from col3d.geometry.camera_file import read_camera
 
+DEEPEST = 3
+"""Levels below the root at which a video may lie."""
 SHORT = 2
 """Bytes of numbers that a float of 32 bits holds exactly."""
 
@@ -27,9 +33,11 @@ class FolderFrames(FrameSet):
             infinite or NaN is unknown.
         depth_unit: millimetres that 1 in a depth file stands for.
         max_depth: millimetres; what lies beyond does not count.
-        camera_file: in the root; see `col3d.geometry.camera_file`.
+        camera_file: in the root; `docs/cameras.md` lists what is read. What it does not see does not count.
         normals: `derived` from the depth, or `none`.
         depth_channel: of a depth file whose channels differ, the one that is depth, counted from 0.
+        depth_offset: number of a depth minus that of its image; None for 0, or for 1 and -1 where files tell.
+        stamp_tolerance: seconds by which the time stamps of an image and its depth may differ.
     """
 
     example = "as data.layout describes them"
@@ -45,16 +53,57 @@ class FolderFrames(FrameSet):
         camera_file: str = "camera.json",
         normals: str = "derived",
         depth_channel: int | None = None,
+        depth_offset: int | None = None,
+        stamp_tolerance: float = 0.02,
     ) -> None:
         for option, name in (("image", image), ("depth", depth)):
             if name.count("{}") != 1 or "{}" not in Path(name).name:
                 raise DataError(f"data.layout.{option}: expected {{}} once, in the file's name; got {name!r}")
         self.kinds = {"color": Kind(image, None, None), "depth": Kind(depth, 1, None)}
         self.depth_unit, self.max_depth, self.depth_channel = depth_unit, max_depth, depth_channel
+        self.depth_offset, self.stamp_tolerance = depth_offset, stamp_tolerance
         self.decoded_in: set[Path] = set()
         check_root(Path(root))
         super().__init__(root, videos, read_camera(Path(root) / camera_file), normals)
         self.releases = {}
+        seen = self.camera.sees()
+        self.view = None if bool(seen.all()) else seen
+
+    @cached_property
+    def folders(self) -> dict[str, Path]:
+        """The folder of each video by its path below the root, at most three levels deep."""
+        check_root(self.root)
+        return {path.relative_to(self.root).as_posix(): path for path in self._videos(self.root, DEEPEST)}
+
+    def renamed(self) -> dict[str, str]:
+        """None: a video is called by where it lies."""
+        return {}
+
+    def _videos(self, folder: Path, levels: int) -> Iterator[Path]:
+        """Folders with images in them; of those without any all the way down, the topmost."""
+        folders = (path for path in folder.iterdir() if path.is_dir() and not path.name.startswith("."))
+        for path in named(sorted(folders)).values():
+            inside = [] if self._has_images(path) or levels == 1 else [*self._videos(path, levels - 1)]
+            deeper = [video for video in inside if self._has_images(video)]
+            yield from deeper or [path]
+
+    def _has_images(self, folder: Path) -> bool:
+        return next(labelled(folder, self.kinds["color"].name), None) is not None
+
+    def files(
+        self, folder: Path, kinds: Sequence[str], twice: Twice = refuse_twice
+    ) -> dict[str, dict[int, Path]]:
+        """Files of a video by kind and frame number; see `col3d.data.frame_pairing`.
+
+        Raises:
+            DataError: they cannot be paired.
+        """
+        images, depths = (dict(labelled(folder, self.kinds[kind].name)) for kind in ("color", "depth"))
+        paired = pair(folder, images, depths, self.depth_offset, self.stamp_tolerance, twice)
+        if paired.note:
+            self.notes[folder] = paired.note
+        found = {"color": paired.images, "depth": paired.depths}
+        return {kind: found[kind] for kind in kinds}
 
     def decoding(self) -> dict[str, Any]:
         """Options that decide what codes in files mean."""
@@ -83,6 +132,10 @@ class FolderFrames(FrameSet):
             DataError: the file is not what it should be.
         """
         return read_depth_file(path, self.camera.size_hw, self.depth_channel)
+
+    def field_of_view(self) -> Bool[Tensor, "1 h w"] | None:
+        """Pixels with a ray less than 90 degrees from the axis; None where all have."""
+        return self.view
 
     def decoded_depth(self, codes: Shaped[np.ndarray, "h w"]) -> Depth:
         """Depth by its codes, of all pixels or of some, as they are stored."""

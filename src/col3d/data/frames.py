@@ -1,9 +1,8 @@
 """What all data sets share: finding the files of frames, and items decoded to house units."""
 
-import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
@@ -16,8 +15,8 @@ from torch.utils.data import Dataset
 
 from col3d.checks import DataError, check_known
 from col3d.data.files import check_header, read_colour, read_grey, read_rgb
-from col3d.data.splits import Selection, check_end, parse_selection
-from col3d.data.videos import frames_of
+from col3d.data.frame_files import Frame, Kind, Twice, choose_frames, refuse_twice
+from col3d.data.splits import parse_selection
 from col3d.geometry import Camera, normals_from_depth
 
 NORMALS = ("stored", "derived", "none")
@@ -28,80 +27,6 @@ Take = Callable[[np.ndarray], np.ndarray]
 def everywhere(values: np.ndarray) -> np.ndarray:
     """Takes all pixels."""
     return values
-
-
-def _refuse(number: int, fault: str) -> None:
-    """Takes no frame that is there twice.
-
-    Raises:
-        DataError: the fault.
-    """
-    raise DataError(fault)
-
-
-@dataclass(frozen=True)
-class Kind:
-    """One kind of file of a frame.
-
-    Attributes:
-        name: path in the video's folder, with {} for the number of the frame.
-        channels: of its pixels; None where any number will do.
-        bits: of each channel; None likewise.
-        others: paths by which it may go instead, in another layout.
-    """
-
-    name: str
-    channels: int | None
-    bits: int | None
-    others: tuple[str, ...] = ()
-
-    def named(self, number: int | str, folder: Path | None = None) -> str:
-        """The path for a frame, its number padded to four digits; in the layout of a folder, if given."""
-        there = (name for name in self.others if folder is not None and (folder / name).parent.is_dir())
-        number = number if isinstance(number, str) else f"{number:04d}"
-        return next(there, self.name).format(number)
-
-    def at(self, folder: Path, number: int) -> Path | None:
-        """The file of a frame by its padded number, in any layout; None where there is none."""
-        paths = (folder / name.format(f"{number:04d}") for name in (self.name, *self.others))
-        return next((path for path in paths if path.is_file()), None)
-
-    def find(self, folder: Path, twice: Callable[[int, str], None] = _refuse) -> dict[int, Path]:
-        """Files by frame number, in any layout, whether the number in their name is padded or not.
-
-        Args:
-            folder: of the video.
-            twice: is told the number that a second file has too, and what is wrong; the first file stays.
-
-        Raises:
-            DataError: two files have the same number, unless `twice` takes it.
-        """
-        found: dict[int, Path] = {}
-        for number, path in (file for name in (self.name, *self.others) for file in _files(folder, name)):
-            first = found.setdefault(number, path)
-            if first != path:
-                named = first.relative_to(folder).as_posix()
-                twice(number, f"{path}: the same frame as {named}; keep one of them")
-        return found
-
-
-def _files(folder: Path, name: str) -> Iterator[tuple[int, Path]]:
-    """Files of a name with {} for their number, which they are given with."""
-    place = folder / Path(name).parent
-    before, after = (re.escape(part) for part in Path(name).name.split("{}"))
-    pattern = re.compile(rf"{before}(\d+){after}")
-    for path in sorted(place.iterdir()) if place.is_dir() else ():
-        if match := pattern.fullmatch(path.name):
-            yield int(match.group(1)), path
-
-
-@dataclass(frozen=True)
-class Frame:
-    """Where the files of one frame lie, by kind."""
-
-    video: str
-    number: int
-    files: Mapping[str, Path] = field(hash=False)
 
 
 @dataclass(frozen=True)
@@ -128,6 +53,10 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
         camera: lens and size of the stored frames.
         normals: `stored` reads them, `derived` computes them from the depth, `none` leaves them out.
 
+    Attributes:
+        frames: of the chosen videos.
+        notes: by the folder of a video, how its files were paired where their numbers alone did not say.
+
     Raises:
         DataError: names the file or video, the rule and what came.
         ValueError: unknown `normals`, or `stored` where the data set has none.
@@ -141,6 +70,8 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
     """By video, which release of the data set its files follow."""
     example: ClassVar[str]
     """Two files that a frame needs, as a reader would write them."""
+    dense_truth: ClassVar[bool] = False
+    """Whether depth is known all over the field of view: what is unknown is then its border; see `Resize`."""
 
     def __init__(self, root: str | Path, videos: Sequence[str], camera: Camera, normals: str) -> None:
         self.root, self.camera = Path(root), camera
@@ -148,6 +79,7 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
         if normals == "stored" and "normals" not in self.kinds:
             raise DataError("data.normals: this data set stores none; take derived or none")
         self.frames: list[Frame] = []
+        self.notes: dict[Path, str] = {}
         for entry in videos:
             frames = self.find(entry)
             for frame in frames:
@@ -217,6 +149,8 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
     def truth(self, index: int, take: Take = everywhere) -> dict[str, Tensor]:
         """Depth (1, h, w) in mm, mask (1, h, w) and normals (3, h, w) where they are asked for.
 
+        The mask is that of depth; normals that are not known are the zero vector.
+
         Args:
             index: of the frame.
             take: which pixels; what is not taken need not be decoded.
@@ -232,8 +166,7 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
             if self.normals == "none":
                 return {"depth": depth, "mask": mask}
             normals = self.stored_normals(frame, take).mul_(mask)
-        x, y, z = normals != 0
-        return {"depth": depth, "normals": normals, "mask": mask & (x | y | z)}
+        return {"depth": depth, "normals": normals, "mask": mask}
 
     def depth_and_mask(self, frame: Frame, take: Take) -> tuple[Tensor, Tensor]:
         """Depth (1, h, w) in mm, 0 where unknown, and where it is known (1, h, w); nowhere without a file."""
@@ -241,10 +174,14 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
         if "depth" not in frame.files:
             nothing = torch.from_numpy(take(np.zeros(size_hw, np.float32)))[None]
             return nothing, nothing > 0
-        depth = self.decoded_depth(take(self.depth_codes(frame.files["depth"])))
+        depth = self.stored_depth(frame, take)
         known = depth.known if view is None else depth.known & take(view[0].numpy())
         mask = torch.from_numpy(known)[None]
         return torch.where(mask, torch.from_numpy(depth.mm)[None], 0.0), mask
+
+    def stored_depth(self, frame: Frame, take: Take = everywhere) -> Depth:
+        """Depth of a frame as its file says, whatever the field of view."""
+        return self.decoded_depth(take(self.depth_codes(frame.files["depth"])))
 
     def depth_codes(self, path: Path) -> Shaped[np.ndarray, "h w"]:
         """Depth as it is stored in a file.
@@ -287,12 +224,29 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
             raise DataError(
                 f"{self.root / selection.video}: no such video; copy it there or leave it out of data.split"
             )
-        frames = find_frames(folder, selection, self.kinds, self.needed(selection.video), self.example)
+        needed = self.needed(selection.video)
+        found = self.files(folder, needed)
+        frames = choose_frames(folder, selection, self.kinds, found, self.example)
         if twice := {frame.number for frame in frames} & self._numbers(selection.video):
             raise DataError(
                 f"split entry {entry!r}: frame {min(twice)} of {selection.video} is chosen already"
             )
         return frames
+
+    def files(
+        self, folder: Path, kinds: Sequence[str], twice: Twice = refuse_twice
+    ) -> dict[str, dict[int, Path]]:
+        """Files of a video by kind and frame number.
+
+        Args:
+            folder: of the video.
+            kinds: that are looked for.
+            twice: is told of a second file of one number.
+
+        Raises:
+            DataError: two files have the same number, unless `twice` takes it.
+        """
+        return {kind: self.kinds[kind].find(folder, twice) for kind in kinds}
 
     def check(self, frame: Frame) -> None:
         """Refuse a frame one of whose files is not the complete image that it should be.
@@ -317,30 +271,6 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
 
 def _taken(values: Tensor, take: Take) -> Tensor:
     return torch.from_numpy(np.ascontiguousarray(take(values.movedim(0, -1).numpy()))).movedim(-1, 0)
-
-
-def find_frames(
-    folder: Path, selection: Selection, kinds: Mapping[str, Kind], needed: Sequence[str], example: str
-) -> list[Frame]:
-    """Frames of a video by number, each with its files of the kinds that are needed.
-
-    Raises:
-        DataError: there is no frame, a frame lacks a file, or the range goes beyond the end of the video.
-    """
-    found = {kind: kinds[kind].find(folder) for kind in needed}
-    there = found["color"].keys() | found.get("depth", {}).keys()
-    if there:
-        check_end(selection, max(*there, (frames_of(selection.video) or 0) - 1))
-    chosen = sorted(number for number in there if number in selection)
-    if not chosen:
-        raise DataError(f"{folder}: no frames {example} for {selection} in it")
-    for kind in needed:
-        for number in chosen:
-            if number not in found[kind]:
-                hint = "; data.normals=derived computes them from the depth" if kind == "normals" else ""
-                name = kinds[kind].named(number, folder)
-                raise DataError(f"{folder}: frame {number} has no {name}{hint}")
-    return [Frame(selection.video, n, {kind: found[kind][n] for kind in needed}) for n in chosen]
 
 
 def named(folders: Iterable[Path]) -> dict[str, Path]:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Float, UInt8
+from jaxtyping import Bool, Float, Int, UInt8
 from torch import Tensor
 from torch.nn.functional import interpolate
 
@@ -26,6 +26,11 @@ class Resize:
     The image is averaged (bilinear, antialiased) in 8 bits. Depth and normals are read off at the new pixel
     centres between the four pixels around, so that neither edges nor the borders of the mask bleed; normals
     get unit length again. The rays are those of the resized camera.
+
+    That leaves out every new pixel one of whose four is unknown: right for the border of a field of view, but
+    of truth with holes (structured light, stereo, points of a reconstruction) hardly anything would stay.
+    Where a data set's truth is not dense, `read` gives a new pixel whose four are not all known what the
+    nearest known pixel inside it says.
     """
 
     size_hw: tuple[int, int]
@@ -42,14 +47,11 @@ class Resize:
 
     def __call__(self, item: dict[str, Any]) -> dict[str, Any]:
         """The resized item of a whole one, its image in [0, 1]."""
-        maps: list[str] = [key for key in ("depth", "mask", "normals") if key in item]
-        whole = {key: item[key].movedim(0, -1).numpy() for key in maps}
-        taken = {key: torch.from_numpy(self.take(whole[key])).movedim(-1, 0) for key in maps}
         image = self._image((item["image"] * 255).round().to(torch.uint8))
         return {
             **item,
             "image": image.float() / 255,
-            **self._between(taken),
+            **self._resized({key: item[key] for key in ("depth", "mask", "normals") if key in item}),
             "rays": self.resized_camera.rays(),
         }
 
@@ -57,7 +59,11 @@ class Resize:
         """The resized item of a frame: its image uint8, no rays; pixels that do not count stay undecoded."""
         frame = frames.frames[index]
         image = self._image(torch.from_numpy(frames.image(index)).permute(2, 0, 1))
-        truth = self._between(frames.truth(index, self.take))
+        if frames.dense_truth:
+            truth = self._between(frames.truth(index, self.take))
+        else:
+            whole = frames.truth(index)
+            truth = self._filled(self._resized(whole), whole)
         return {"image": image, **truth, "video": frame.video, "frame": frame.number}
 
     def take(self, values: np.ndarray) -> np.ndarray:
@@ -67,6 +73,56 @@ class Resize:
 
     def _image(self, image: UInt8[Tensor, "3 h w"]) -> UInt8[Tensor, "3 h2 w2"]:
         return resized_image(image[None], self.size_hw)[0]
+
+    def _resized(self, whole: Mapping[str, Tensor]) -> dict[str, Tensor]:
+        """Depth, mask and normals from those of all pixels."""
+        maps = {key: values.movedim(0, -1).numpy() for key, values in whole.items()}
+        return self._between(
+            {key: torch.from_numpy(self.take(values)).movedim(-1, 0) for key, values in maps.items()}
+        )
+
+    def _filled(self, between: Mapping[str, Tensor], whole: Mapping[str, Tensor]) -> dict[str, Tensor]:
+        """The same with what the nearest known pixel says where not all four around are known."""
+        nearest = self._nearest(whole["mask"][0])
+        take = (nearest >= 0) & ~between["mask"]
+        found = {
+            "depth": torch.where(take, whole["depth"].flatten()[nearest], between["depth"]),
+            "mask": between["mask"] | take,
+        }
+        if "normals" in whole:
+            known = whole["mask"] & (whole["normals"] != 0).any(dim=0, keepdim=True)
+            nearest = self._nearest(known[0])
+            take = (nearest >= 0) & (between["normals"] == 0).all(dim=0, keepdim=True)
+            found["normals"] = torch.where(take, whole["normals"].flatten(1)[:, nearest], between["normals"])
+        return found
+
+    def _nearest(self, known: Bool[Tensor, "h w"]) -> Int[Tensor, "h2 w2"]:
+        """For each new pixel, which known pixel inside it is nearest to its centre; -1 where none is."""
+        inside, order = self._inside
+        chosen = order[known.flatten()[order]]
+        height, width = self.size_hw
+        found = torch.full((height * width,), -1)
+        found[inside[chosen]] = chosen
+        below = self._below_centres
+        found = torch.where((found < 0) & known.flatten()[below], below, found)
+        return found.view(self.size_hw)
+
+    @cached_property
+    def _inside(self) -> tuple[Int[Tensor, " n"], Int[Tensor, " n"]]:
+        """Of all old pixels, the new one that each lies in, and an order in which nearer ones come later."""
+        (rows, down), (columns, across) = map(_cells, self.camera.size_hw, self.size_hw)
+        inside = (rows[:, None] * self.size_hw[1] + columns).flatten()
+        far = (down[:, None].square() + across.square()).flatten()
+        return inside, far.argsort(descending=True, stable=True)
+
+    @cached_property
+    def _below_centres(self) -> Int[Tensor, " n"]:
+        """The old pixel that the centre of each new one lies in."""
+        rows, columns = (
+            torch.arange(new).mul(2).add(1).mul(old).div(2 * new, rounding_mode="floor")
+            for old, new in zip(self.camera.size_hw, self.size_hw, strict=True)
+        )
+        return (rows[:, None] * self.camera.size_hw[1] + columns).flatten()
 
     def _between(self, taken: Mapping[str, Tensor]) -> dict[str, Tensor]:
         """Depth, mask and normals from those of the pixels around."""
@@ -94,6 +150,13 @@ class Resize:
 def resized_image(image: UInt8[Tensor, "b 3 h w"], size_hw: tuple[int, int]) -> UInt8[Tensor, "b 3 h2 w2"]:
     """Images averaged to a size as networks see them: bilinear, antialiased, in 8 bits."""
     return interpolate(image, size_hw, mode="bilinear", antialias=True)
+
+
+def _cells(old: int, new: int) -> tuple[Int[Tensor, " n"], Float[Tensor, " n"]]:
+    """The new pixel that each old one lies in, and how far it is from its centre, in old pixels."""
+    place = torch.arange(old)
+    cell = ((2 * place + 1) * new).div(2 * old, rounding_mode="floor")
+    return cell, place - ((cell.double() + 0.5) * (old / new) - 0.5)
 
 
 def _neighbours(old: int, new: int) -> tuple[np.ndarray, Float[Tensor, " n"]]:

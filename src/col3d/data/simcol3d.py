@@ -14,7 +14,8 @@ import torch
 from jaxtyping import Shaped
 from torch import Tensor
 
-from col3d.data.frames import Depth, FrameSet, Kind, check_root, named
+from col3d.data.frame_files import Kind
+from col3d.data.frames import Depth, FrameSet, check_root, named
 from col3d.geometry import Camera, PinholeCamera
 
 TIMES, WIDTH, NEAR_MM, NEAR_PIXELS = 3, 21, 4.0, 7.0
@@ -49,6 +50,7 @@ class SimCol3D(FrameSet):
     }
     example = "FrameBuffer_NNNN.png with Depth_NNNN.png"
     max_depth = MAX_DEPTH
+    dense_truth = True
 
     def __init__(
         self,

@@ -21,11 +21,13 @@ class SizedFrames(Dataset[dict[str, Any]], ABC):
         cameras: that saw them, at their size; `Codes.lens` counts these.
         videos: of each frame, in order.
         releases: by video, of the data set that its files follow; empty where there is none.
+        dense_truth: see `FrameSet`.
     """
 
     cameras: tuple[Camera, ...]
     videos: list[str]
     releases: dict[str, str]
+    dense_truth: bool
 
     @abstractmethod
     def codes(self, indices: Sequence[int]) -> Codes:
@@ -44,7 +46,8 @@ class Resized(SizedFrames):
     """A data set's frames, read from its files and resized."""
 
     def __init__(self, frames: FrameSet, size_hw: tuple[int, int]) -> None:
-        self.frames, self.resize = frames, Resize(size_hw, frames.camera)
+        self.frames, self.dense_truth = frames, frames.dense_truth
+        self.resize = Resize(size_hw, frames.camera)
         self.cameras = (self.resize.resized_camera,)
         self.videos = [frame.video for frame in frames.frames]
         self.releases = dict(frames.releases)
@@ -65,6 +68,7 @@ class WithMixedTruth(Dataset[dict[str, Any]]):
 
     def __init__(self, frames: FrameSet, size_hw: tuple[int, int]) -> None:
         self.frames, self.resize = frames, Resize(size_hw, frames.camera, "mixed")
+        self.dense_truth = frames.dense_truth
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -78,6 +82,7 @@ class Joined(SizedFrames):
 
     def __init__(self, parts: Sequence[SizedFrames]) -> None:
         self.parts = tuple(parts)
+        self.dense_truth = all(part.dense_truth for part in parts)
         self.cameras = tuple(camera for part in parts for camera in part.cameras)
         self.videos = [video for part in parts for video in part.videos]
         self.releases = {video: release for part in parts for video, release in part.releases.items()}

@@ -60,10 +60,29 @@ def parse_selection(entry: str, present: Sequence[str] = ()) -> Selection:
     Args:
         entry: a video's name (`cecum_t1_a`, today `c0_cecum_t1_v1`), its label in the paper (`c1v1`), or one
             of these with the frames to take, both ends included (`cecum_t1_a:0-120`).
-        present: names of folders at hand; a video that the table does not list must be among them.
+        present: names of videos at hand; one that the table does not list must be among them, and one of them
+            is meant where a name is also another name of a video of the table.
 
     Raises:
         DataError: unknown video or malformed range, with the nearest name.
+    """
+    selection = selection_of_any_video(entry, present)
+    if seeded_name(selection.video, 0)[0] not in catalogue() and selection.video not in present:
+        known = [*catalogue(), *other_names(), *present]
+        raise DataError(
+            f"video {selection.video!r} is neither one of C3VD nor a video of data.root"
+            f"{nearest_name(selection.video, known)}"
+        )
+    return selection
+
+
+def selection_of_any_video(entry: str, present: Sequence[str] = ()) -> Selection:
+    """Read an entry of a split as `parse_selection` does, whatever the name of its video.
+
+    For where those at hand say later whether the video is among them.
+
+    Raises:
+        DataError: malformed range.
     """
     match = re.fullmatch(r"([^:]+)(?::(\d+)-(\d+))?", entry)
     if match is None:
@@ -71,25 +90,12 @@ def parse_selection(entry: str, present: Sequence[str] = ()) -> Selection:
             f"split entry {entry!r}: expected VIDEO or VIDEO:FIRST-LAST, such as cecum_t1_a:0-120"
         )
     given, first, last = match.groups()
-    name = canonical_name(given)
-    if seeded_name(name, 0)[0] not in catalogue() and name not in present:
-        known = [*catalogue(), *other_names(), *present]
-        raise DataError(
-            f"video {name!r} is neither one of C3VD nor a video of data.root{nearest_name(name, known)}"
-        )
+    name = given if given in present else canonical_name(given)
     if first is None:
         return Selection(name)
     if int(first) > int(last):
         raise DataError(f"split entry {entry!r}: the first frame comes after the last")
     return Selection(name, int(first), int(last))
-
-
-def selection_of_any_video(entry: str) -> Selection:
-    """Read an entry of a split as `parse_selection` does, whatever the name of its video.
-
-    For where no folders are at hand, or those that are say later whether the video is among them.
-    """
-    return parse_selection(entry, [entry.partition(":")[0]])
 
 
 def expand(entries: Sequence[str], present: Sequence[str]) -> list[str]:

@@ -1,7 +1,8 @@
 """Transforms of batches: image, depth, normals, mask and rays move together.
 
-A pixel is valid after a transform only where all pixels it is interpolated from are; vectors turn and mirror
-with the image. kornia warps the maps; that the vectors in them turn too, it leaves to us.
+A pixel is valid after a transform only where all pixels it is interpolated from are, or, of truth with holes,
+where the nearest one is; vectors turn and mirror with the image. kornia warps the maps; that the vectors in
+them turn too, it leaves to us.
 """
 
 import math
@@ -29,40 +30,48 @@ def flip(batch: Batch, chosen: Bool[Tensor, " b"]) -> Batch:
     return batch | moved  # type: ignore[return-value]
 
 
-def rotate(batch: Batch, degrees: Float[Tensor, " b"]) -> Batch:
+def rotate(batch: Batch, degrees: Float[Tensor, " b"], sparse: bool = False) -> Batch:
     """Turn each frame about its middle, from x towards y, and its vectors with it.
 
     Where pixels are not square (frames squeezed to 320 x 320), the map of the pixels allows for it, so that
     the scene turns rigidly about the optical axis.
+
+    Args:
+        batch: frames.
+        degrees: one angle a frame.
+        sparse: whether the truth has holes.
     """
     move = _pixel_rotation(degrees, _size_hw(batch), _pixel_aspect(batch["rays"]))
-    return _warp(batch, move, lambda vectors: _turn(vectors, degrees))
+    return _warp(batch, move, lambda vectors: _turn(vectors, degrees), sparse)
 
 
-def crop(batch: Batch, share: float, place: Float[Tensor, "b 2"]) -> Batch:
+def crop(batch: Batch, share: float, place: Float[Tensor, "b 2"], sparse: bool = False) -> Batch:
     """Cut a window out of each frame and enlarge it to the frame's size; depth, normals and rays are kept.
 
     Args:
         batch: frames.
         share: of either side that the window has.
         place: of the window, from (0, 0) at the top left to (1, 1) at the bottom right.
+        sparse: whether the truth has holes.
     """
     size_hw = _size_hw(batch)
     # Edges of the frame are half a pixel outside the outermost centres.
     room = place.new_tensor([size_hw[1], size_hw[0]]) * (1 - share)
     offset = (place.flip(-1) * room + (share - 1) / 2) / -share
     scale = torch.eye(2, device=place.device).expand(len(place), 2, 2) / share
-    return _warp(batch, torch.cat([scale, offset[..., None]], dim=-1), lambda vectors: vectors)
+    return _warp(batch, torch.cat([scale, offset[..., None]], dim=-1), lambda vectors: vectors, sparse)
 
 
-def _warp(batch: Batch, move: Float[Tensor, "b 2 3"], turn: Callable[[Tensor], Tensor]) -> Batch:
+def _warp(
+    batch: Batch, move: Float[Tensor, "b 2 3"], turn: Callable[[Tensor], Tensor], sparse: bool
+) -> Batch:
     """Move pixels by affine maps, and turn vectors with them."""
     from kornia.geometry.transform import warp_affine
 
     size_hw = _size_hw(batch)
 
-    def warp(values: Tensor, padding: str) -> Tensor:
-        return warp_affine(values.float(), move, size_hw, padding_mode=padding, align_corners=True)
+    def warp(values: Tensor, padding: str, mode: str = "bilinear") -> Tensor:
+        return warp_affine(values.float(), move, size_hw, mode, padding_mode=padding, align_corners=True)
 
     mask = warp(batch["mask"], "zeros") > WHOLE
     moved = {
@@ -73,6 +82,15 @@ def _warp(batch: Batch, move: Float[Tensor, "b 2 3"], turn: Callable[[Tensor], T
     }
     if "normals" in batch:
         moved["normals"] = torch.where(mask, unit(turn(warp(batch["normals"], "border"))), 0.0)
+    if sparse:
+        nearest = warp(batch["mask"], "zeros", "nearest") > 0
+        moved["mask"] = mask | nearest
+        moved["depth"] = torch.where(
+            nearest & ~mask, warp(batch["depth"], "border", "nearest"), moved["depth"]
+        )
+        if "normals" in batch:
+            turned = turn(warp(batch["normals"], "border", "nearest"))
+            moved["normals"] = torch.where(nearest & ~mask, turned, moved["normals"])
     return batch | moved  # type: ignore[return-value]
 
 
@@ -102,6 +120,8 @@ class Augment:
     """Share of either side that is kept, anywhere in the frame, and enlarged to its size."""
     jitter: float = 0.0
     """Probability of a photometric change: gamma 0.9..1.1, brightness 0.75..1.25, colours 0.9..1.1."""
+    sparse: bool = False
+    """Whether the truth has holes; see `Resize`."""
 
     def __call__(self, batch: Batch, seed: int, epoch: int) -> Batch:
         """The batch with the draws of this epoch applied."""
@@ -109,9 +129,9 @@ class Augment:
         if self.flip:
             batch = flip(batch, draws[:, 0] < self.flip)
         if self.rotation:
-            batch = rotate(batch, self.rotation * (2 * draws[:, 1] - 1))
+            batch = rotate(batch, self.rotation * (2 * draws[:, 1] - 1), self.sparse)
         if self.crop < 1:
-            batch = crop(batch, self.crop, draws[:, 8:10])
+            batch = crop(batch, self.crop, draws[:, 8:10], self.sparse)
         if self.jitter:
             chosen = draws[:, 2] < self.jitter
             gamma = torch.where(chosen, 0.9 + 0.2 * draws[:, 3], 1.0)

@@ -71,6 +71,10 @@ def video_table() -> Mapping[str, Video]:
     return {name: v for name, v in catalogue().items() if v.data == "c3vd" and v.has_truth}
 
 
+UNDER_REVIEW = "_under_review"
+"""What names of folders ended in while the data set was."""
+
+
 @cache
 def other_names() -> Mapping[str, str]:
     """Names of today and labels of the paper -> the name here."""
@@ -81,7 +85,7 @@ def other_names() -> Mapping[str, str]:
 
 def canonical_name(name: str) -> str:
     """The name here of a video, whichever of its names is given; any other name as it is."""
-    origin, seed = _without_seed(name)
+    origin, seed = _without_seed(name.removesuffix(UNDER_REVIEW))
     found = other_names().get(origin, origin)
     return found + seed if found in catalogue() else name
 

@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 from open3d import core
 
 from col3d.fusion.surface import Surface
-from col3d.geometry import Camera, points_from_depth
+from col3d.geometry import Camera, RadialCamera, points_from_depth
 
 ANGLES = 16384
 """Of the table of directions."""
@@ -64,6 +64,7 @@ class Volume:
             camera: of the frame, at its size.
             pose: camera to world, mm.
         """
+        mask = mask & camera.sees()
         points = points_from_depth(depth[None], camera.rays())[0][:, mask[0]].numpy()
         if points.size == 0:
             return
@@ -136,6 +137,8 @@ def _in_order(
 
 def _projected(camera: Camera, points: Float[torch.Tensor, "n 3"]) -> Float[torch.Tensor, "n 2"]:
     """Pixels as `camera.project` finds them, to 1e-3, its radius read off a table: millions of voxels ask."""
+    if not isinstance(camera, RadialCamera):
+        return camera.project(points)
     angles, radii = _radii(camera)
     across = points[:, :2].norm(dim=1)
     angle = torch.atan2(across, points[:, 2])
@@ -146,7 +149,7 @@ def _projected(camera: Camera, points: Float[torch.Tensor, "n 3"]) -> Float[torc
 
 
 @lru_cache(maxsize=4)
-def _radii(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+def _radii(camera: RadialCamera) -> tuple[np.ndarray, np.ndarray]:
     """Radius of the plane point of directions by their angle to the optical axis."""
     angles = torch.linspace(0, np.pi, ANGLES, dtype=torch.float64)[1:, None]
     radii = camera.plane_radius(angles.sin(), angles.cos())[:, 0].numpy()

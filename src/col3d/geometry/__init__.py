@@ -12,15 +12,21 @@ kornia's `depth_to_3d` and `depth_to_normals` know pinholes only, and its normal
 camera; here every function takes the rays of any central camera instead.
 """
 
-from col3d.geometry.camera import Camera, OmnidirectionalCamera, PinholeCamera
+from col3d.geometry.camera import Camera, PinholeCamera, RadialCamera
 from col3d.geometry.depth import points_from_depth
+from col3d.geometry.fisheye import FisheyeCamera
 from col3d.geometry.frames import camera_from_ray, ray_from_camera
 from col3d.geometry.normals import angle_between, normals_from_depth, unit
+from col3d.geometry.omnidirectional import OmnidirectionalCamera
+from col3d.geometry.radial_tangential import RadialTangentialCamera
 
 __all__ = [
     "Camera",
+    "FisheyeCamera",
     "OmnidirectionalCamera",
     "PinholeCamera",
+    "RadialCamera",
+    "RadialTangentialCamera",
     "angle_between",
     "camera_from_ray",
     "normals_from_depth",

@@ -4,12 +4,11 @@ The three disagree about axes, origin, sign and how c, d, e fill the stretch mat
 `OmnidirectionalCamera` with x right, y down, z forward and (0, 0) the centre of the top left pixel.
 """
 
-import configparser
 import math
 from collections.abc import Mapping
 from typing import Any
 
-from col3d.geometry.camera import BY_COLUMNS, BY_ROWS, OmnidirectionalCamera, stretch_matrix
+from col3d.geometry.omnidirectional import BY_COLUMNS, BY_ROWS, OmnidirectionalCamera, stretch_matrix
 
 OCAMCALIB = "#polynomial coefficients"
 """How `calib_results.txt` begins."""
@@ -17,6 +16,8 @@ MATLAB = "MappingCoefficients"
 """A property of MATLAB's `fisheyeIntrinsics`."""
 COEFFICIENTS = ("a0", "a1", "a2", "a3", "a4")
 STRETCH = ("c", "d", "e")
+PUBLISHED_TO = 1e-7
+"""Difference up to which c, d and e are those that a data set publishes."""
 LARGEST = 65535
 """Pixels of a side: no image is larger, and a wrong number should not fill the memory."""
 
@@ -49,7 +50,7 @@ def _form(named: Any, c: float, d: float, e: float) -> str:
     for form in (BY_COLUMNS, BY_ROWS):
         if written == "".join(form.split()):
             return form
-    if named is None and d == e:
+    if named is None and (d == e or _is_published(c, d, e)):
         return BY_COLUMNS
     came = "nothing" if named is None else repr(named)
     raise ValueError(
@@ -58,28 +59,13 @@ def _form(named: Any, c: float, d: float, e: float) -> str:
     )
 
 
-def from_settings(text: str) -> OmnidirectionalCamera:
-    """A camera from lines `name = value` of the same names, as C3VDv2's `camera_intrinsics.txt` has them.
-
-    Raises:
-        ValueError: says what is missing or not what it should be.
-    """
-    parser = configparser.ConfigParser(inline_comment_prefixes=(";", "#"), interpolation=None)
-    try:
-        parser.read_string("[camera]\n" + text)
-    except configparser.Error as error:
-        raise ValueError(" ".join(str(error).split())) from None
-    given: dict[str, Any] = {name: _value(value) for name, value in parser["camera"].items()}
-    if given.pop("model", "omnidirectional") != "omnidirectional":
-        raise ValueError("model: lines of names and values describe an omnidirectional camera alone")
-    return from_numbers(given)
-
-
-def _value(text: str) -> float | str:
-    try:
-        return float(text)
-    except ValueError:
-        return text
+def _is_published(c: float, d: float, e: float) -> bool:
+    """Whether these are the numbers of C3VD or C3VDv2, of which it is known how their renderer reads them."""
+    for camera in (OmnidirectionalCamera.c3vd(), OmnidirectionalCamera.c3vdv2()):
+        (known_c, known_e), (known_d, _) = camera.stretch
+        if max(abs(c - known_c), abs(d - known_d), abs(e - known_e)) < PUBLISHED_TO:
+            return True
+    return False
 
 
 def from_ocamcalib(text: str) -> OmnidirectionalCamera:

@@ -1,11 +1,11 @@
 """Cameras as plain values and as files.
 
 A pinhole is `{"model": "pinhole", "size": [h, w], "fx": .., "fy": .., "cx": .., "cy": ..}` in pixels, of
-which the top left one has its centre at (0, 0). An omnidirectional camera is `{"model": "omnidirectional",
-"size": [h, w], "cx": .., "cy": .., "a0": .., "a1": .., "a2": .., "a3": .., "a4": .., "c": .., "d": ..,
-"e": .., "stretch": "[[c, e], [d, 1]]"}`, where `stretch` says how c, d and e fill the stretch matrix; or the
-output of a calibration toolbox (see `col3d.geometry.calibration`). Any camera is also the fields of its
-class.
+which the top left one has its centre at (0, 0); with k1 to k6, p1 and p2 it is one with radial and tangential
+distortion, and as `fisheye` with k1 to k4 one of Kannala and Brandt. An omnidirectional camera has cx, cy, a0
+to a4, and c, d, e with their `stretch`, "[[c, e], [d, 1]]", which says how they fill the stretch matrix. Any
+camera is also the fields of its class. Files of other programs are read as they are: `docs/cameras.md` lists
+them.
 """
 
 import json
@@ -16,16 +16,32 @@ from typing import Any
 
 import torch
 
-from col3d.checks import DataError, check_known
+from col3d.checks import DataError
 from col3d.geometry import calibration
 from col3d.geometry.calibration import check_rest, checked_size, numbers
-from col3d.geometry.camera import Camera, OmnidirectionalCamera, PinholeCamera
+from col3d.geometry.camera import Camera, PinholeCamera
+from col3d.geometry.camera_formats import HALF_PIXEL, colmap_fields, fields_of
+from col3d.geometry.camera_text import plain_from_text
+from col3d.geometry.fisheye import FisheyeCamera
+from col3d.geometry.lens_numbers import camera_from_numbers, renamed
+from col3d.geometry.omnidirectional import OmnidirectionalCamera
+from col3d.geometry.radial_tangential import RadialTangentialCamera
 
-MODELS: dict[str, type[Camera]] = {"pinhole": PinholeCamera, "omnidirectional": OmnidirectionalCamera}
+MODELS: dict[str, type[Camera]] = {
+    "pinhole": PinholeCamera,
+    "radial_tangential": RadialTangentialCamera,
+    "fisheye": FisheyeCamera,
+    "omnidirectional": OmnidirectionalCamera,
+}
+OMNIDIRECTIONAL = ("omnidirectional", "scaramuzza", "ocam", "ocamcalib")
 ROUND_TRIP = 1e-3
 """Pixels by which projecting the rays of pixels may miss them."""
-PROBED = 9
+PROBED = 33
 """Pixels along either side of an image that are tried."""
+MOST_OUTSIDE = 0.5
+"""Share of a fisheye's image that may lie outside its image circle."""
+LONGEST = 50_000_000
+"""Bytes of a file: larger ones are no calibrations."""
 
 
 def plain_from_camera(camera: Camera) -> dict[str, Any]:
@@ -41,12 +57,127 @@ def camera_from_plain(plain: Mapping[str, Any]) -> Camera:
     Raises:
         ValueError: says what is missing or not what it should be.
     """
+    return _with_remark(plain)[0]
+
+
+def read_camera(path: Path) -> Camera:
+    """The camera that a file describes, which has to say for which size of images.
+
+    Raises:
+        DataError: names the file and what is wrong with it.
+    """
+    camera, _ = read_lens(path)
+    if camera.size_hw == (0, 0):
+        raise DataError(
+            f"{path}: not a camera: size: expected the height and width of the images, got nothing; add "
+            '"size": [480, 640] to JSON, or lines such as height = 480 and width = 640 to numbers'
+        )
+    return camera
+
+
+def read_lens(path: Path) -> tuple[Camera, str]:
+    """The camera that a file describes, of the size (0, 0) where it does not say for which images.
+
+    Returns:
+        The camera, and a remark on how its numbers were read, or nothing.
+
+    Raises:
+        DataError: names the file and what is wrong with it.
+    """
+    try:
+        camera, remark = _parsed(_text(path))
+        if camera.size_hw != (0, 0):
+            check_round_trip(camera)
+    except OSError as error:
+        raise DataError(f"{path}: the camera's file cannot be read ({error.strerror})") from None
+    except (ValueError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
+        raise DataError(f"{path}: not a camera: {error}") from None
+    return camera, remark
+
+
+def check_round_trip(camera: Camera) -> None:
+    """Refuse a calibration whose rays do not lead back to their pixels, wherever the image is looked at.
+
+    The image of a fisheye may be a circle, outside which pixels have no ray.
+
+    Raises:
+        ValueError: names a pixel.
+    """
+    v, u = (torch.linspace(0, side - 1, PROBED, dtype=torch.float64) for side in camera.size_hw)
+    pixels = torch.cartesian_prod(u, v)
+    rays = camera.unproject(pixels)
+    off = (camera.project(rays) - pixels).norm(dim=1).nan_to_num(torch.inf)
+    outside = rays.isnan().any(dim=1)
+    if isinstance(camera, FisheyeCamera) and outside.double().mean() <= MOST_OUTSIDE:
+        off[outside] = 0.0
+    if off.max() > ROUND_TRIP:
+        at_u, at_v = (round(place) for place in pixels[off.argmax()].tolist())
+        if outside.any():
+            raise ValueError(
+                f"the distortion folds before pixel ({at_u}, {at_v}), which has no ray; fit a fisheye (k1 to "
+                "k4) or omnidirectional (polynomial a0 to a4) model, if these numbers are of this size"
+            )
+        raise ValueError(
+            f"expected rays that lead back to their pixels, and that of ({at_u}, {at_v}) misses it; "
+            "does the polynomial belong to this size and centre?"
+        )
+
+
+def _text(path: Path) -> str:
+    if path.stat().st_size > LONGEST:
+        raise ValueError(f"expected a file of numbers, got {path.stat().st_size / 1e6:.0f} MB")
+    try:
+        return path.read_bytes().decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise ValueError(
+            "expected a text, got a binary file; COLMAP's model_converter, numpy.savetxt and MATLAB's "
+            "jsonencode write texts"
+        ) from None
+
+
+def _parsed(text: str) -> tuple[Camera, str]:
+    if text.lstrip().startswith(calibration.OCAMCALIB):
+        return calibration.from_ocamcalib(text), ""
+    if (colmap := colmap_fields(text)) is not None:
+        return camera_from_numbers(colmap), HALF_PIXEL
+    plain = plain_from_text(text)
+    if isinstance(plain, list) and plain and all(isinstance(row, list) for row in plain):
+        plain = {"K": plain}
+    if not isinstance(plain, dict):
+        raise ValueError(f"expected names with values, got a {type(plain).__name__}")
+    return _with_remark(plain)
+
+
+def _with_remark(plain: Mapping[str, Any]) -> tuple[Camera, str]:
+    if calibration.MATLAB in plain:
+        return calibration.from_matlab(plain), ""
+    if "size_hw" in plain:
+        return _from_fields(plain), ""
+    names = renamed(plain)
+    if "a0" in names:
+        return _omnidirectional(names), ""
+    if str(names.get("model")).lower() in OMNIDIRECTIONAL:
+        return calibration.from_numbers({name: names[name] for name in names if name != "model"}), ""
+    found, remark = fields_of(plain)
+    return camera_from_numbers(found), remark
+
+
+def _omnidirectional(names: dict[str, Any]) -> OmnidirectionalCamera:
+    model = names.pop("model", OMNIDIRECTIONAL[0])
+    if str(model).lower() not in OMNIDIRECTIONAL:
+        raise ValueError(
+            f"model: expected omnidirectional, for a0 is of its polynomial, got {str(model)[:60]!r}"
+        )
+    return calibration.from_numbers(names)
+
+
+def _from_fields(plain: Mapping[str, Any]) -> Camera:
+    """From the fields of a class, as `plain_from_camera` writes them."""
     given = dict(plain)
-    kind = MODELS[check_known("model", str(given.pop("model", None)), MODELS)]
-    if kind is PinholeCamera and "fx" in given:
-        return _pinhole(given)
-    if kind is OmnidirectionalCamera and "polynomial" not in given:
-        return calibration.from_numbers(given)
+    model = str(given.pop("model", None))
+    if model not in MODELS:
+        raise ValueError(f"model: {model!r} is unknown; known are {', '.join(MODELS)}")
+    kind = MODELS[model]
     values = {field.name: _field(field.name, given.pop(field.name, None)) for field in fields(kind)}
     check_rest(given)
     (a, b), (c, d) = values["stretch"]
@@ -55,46 +186,9 @@ def camera_from_plain(plain: Mapping[str, Any]) -> Camera:
     return kind(**values)
 
 
-def read_camera(path: Path) -> Camera:
-    """The camera that a file describes.
-
-    Raises:
-        DataError: names the file and what is wrong with it.
-    """
-    try:
-        camera = _parsed(path.read_text(encoding="utf-8"))
-        _check_round_trip(camera)
-    except OSError as error:
-        raise DataError(f"{path}: the camera's file cannot be read ({error.strerror})") from None
-    except (ValueError, TypeError, AttributeError, RecursionError) as error:
-        raise DataError(f"{path}: not a camera: {error}") from None
-    return camera
-
-
-def _parsed(text: str) -> Camera:
-    if text.lstrip().startswith(calibration.OCAMCALIB):
-        return calibration.from_ocamcalib(text)
-    if not text.lstrip().startswith(("{", "[")) and "=" in text:
-        return calibration.from_settings(text)
-    plain = json.loads(text)
-    if not isinstance(plain, dict):
-        raise ValueError(f"expected names with values, got a {type(plain).__name__}")
-    return calibration.from_matlab(plain) if calibration.MATLAB in plain else camera_from_plain(plain)
-
-
-def _pinhole(given: dict[str, Any]) -> PinholeCamera:
-    size_hw = checked_size(numbers("size", given.pop("size", None), 2))
-    names = ("fx", "fy", "cx", "cy")
-    fx, fy, cx, cy = numbers(", ".join(names), [given.pop(name, None) for name in names], 4)
-    check_rest(given)
-    if fx <= 0 or fy <= 0:
-        raise ValueError(f"fx, fy: expected numbers above 0, got {fx} and {fy}")
-    return PinholeCamera.from_focal(size_hw, fx, fy, cx, cy)
-
-
 def _field(name: str, value: Any) -> Any:
     """Lists as the tuples that cameras are made of; sizes as whole numbers."""
-    counts = {"size_hw": 2, "centre": 2, "polynomial": 5}
+    counts = {"size_hw": 2, "centre": 2, "polynomial": 5, "distortion": 4, "radial": 6, "tangential": 2}
     if name in counts:
         found = numbers(name, value, counts[name])
         return checked_size(found) if name == "size_hw" else found
@@ -102,16 +196,3 @@ def _field(name: str, value: Any) -> Any:
         rows = value if isinstance(value, list) and len(value) == 2 else [None, None]
         return tuple(numbers(name, row, 2) for row in rows)
     return numbers(name, [value], 1)[0]
-
-
-def _check_round_trip(camera: Camera) -> None:
-    """Refuse a calibration whose rays do not lead back to their pixels, wherever the image is looked at."""
-    v, u = (torch.linspace(0, side - 1, PROBED, dtype=torch.float64) for side in camera.size_hw)
-    pixels = torch.cartesian_prod(u, v)
-    off = (camera.project(camera.unproject(pixels)) - pixels).norm(dim=1).nan_to_num(torch.inf)
-    if off.max() > ROUND_TRIP:
-        at_u, at_v = (round(place) for place in pixels[off.argmax()].tolist())
-        raise ValueError(
-            f"expected rays that lead back to their pixels, and that of ({at_u}, {at_v}) misses it; "
-            "does the polynomial belong to this size and centre?"
-        )

@@ -5,12 +5,11 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from col3d.checks import check_known
+from col3d.geometry.camera import MIN_AHEAD
 from col3d.geometry.central_differences import TINY, central_normals
 from col3d.precision import at_least_float32
 
 DIFFERENCES = ("central", "forward")
-MIN_AHEAD = 1e-3
-"""Rays that point less ahead than this (their z) have no depth along the axis."""
 
 
 def unit(vectors: Float[Tensor, "*b 3 h w"]) -> Float[Tensor, "*b 3 h w"]:

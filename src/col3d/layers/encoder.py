@@ -155,11 +155,17 @@ def read_encoder_weights(path: Path) -> Mapping[str, Tensor]:
     except ValueError as error:
         raise ValueError(f"model.pretrained: {error}") from None
     try:
-        return load_state_dict(str(path), weights_only=True)
+        found: Mapping[str, Tensor] = load_state_dict(str(path), weights_only=True)
     except Exception as error:
         raise ValueError(
             f"model.pretrained: {str(path)!r} cannot be read as weights ({type(error).__name__})"
         ) from error
+    if any(name.startswith("network.") for name in found):
+        raise ValueError(
+            f"model.pretrained: {path} is a checkpoint of train.py, not weights of an encoder; begin from it "
+            "with init.checkpoint"
+        )
+    return found
 
 
 def fill_encoder(

@@ -7,6 +7,8 @@ from pathlib import Path
 
 from torch import Tensor
 
+from col3d.whole import BUFFER
+
 
 def check_archive(path: Path) -> None:
     """Hold every byte of what torch.save writes against the sums that are stored with it.
@@ -19,7 +21,7 @@ def check_archive(path: Path) -> None:
     if not zipfile.is_zipfile(path):
         return
     try:
-        with zipfile.ZipFile(path) as archive:
+        with path.open("rb", buffering=BUFFER) as file, zipfile.ZipFile(file) as archive:
             damaged = archive.testzip()
     except (zipfile.BadZipFile, zlib.error, RuntimeError, EOFError, ValueError, OSError) as error:
         raise ValueError(f"{path} is damaged ({' '.join(str(error).split())[:120]}); copy it again") from None

@@ -7,7 +7,7 @@ from typing import TypeVar
 import torch
 from torch import Tensor, nn
 
-from col3d.batch import Batch, Prediction
+from col3d.batch import Batch, Prediction, normals_mask
 from col3d.checks import check_known
 from col3d.geometry import PinholeCamera, normals_from_depth
 from col3d.losses.consistency import cross_task_l1, cross_task_rmse
@@ -104,7 +104,7 @@ class WeightedLoss(nn.Module):
         if term in ("depth", "gradients", "directions"):
             return prediction["depth"], batch["depth"], mask
         if term == "normals":
-            return prediction["normals"], batch["normals"], mask
+            return prediction["normals"], batch["normals"], normals_mask(batch)
         return prediction["normals"], self._derived(prediction["depth"], batch["rays"], mask), mask
 
     def _derived(self, depth: Tensor, rays: Tensor, mask: Tensor) -> Tensor:

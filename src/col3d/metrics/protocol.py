@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 from torch.nn.functional import interpolate
 
-from col3d.batch import Batch, Prediction
+from col3d.batch import Batch, Prediction, normals_mask
 from col3d.checks import check_known
 from col3d.geometry import unit
 from col3d.metrics.functional import depth_metrics, normal_metrics
@@ -40,7 +40,7 @@ class Protocol:
         check_known("protocol.normal_axes", self.normal_axes, ("house", "published"))
 
     def score(self, prediction: Prediction, batch: Batch) -> dict[str, Float[Tensor, " b"]]:
-        """The metrics of each frame, by name, and as `pixels` how many it counted.
+        """The metrics of each frame, by name, and how many `pixels` and `normal_pixels` it counted.
 
         A prediction of another size than the truth is enlarged or shrunk to it, bilinearly.
         """
@@ -54,7 +54,9 @@ class Protocol:
             pair = (_resized(prediction["normals"], depth), batch["normals"])
             if self.normal_axes == "published":
                 pair = published_axes(unit(pair[0])), cut_behind(published_axes(pair[1]))
-            values |= normal_metrics(*pair, mask, self.cosine_epsilon)
+            counted = mask & normals_mask(batch)
+            values |= normal_metrics(*pair, counted, self.cosine_epsilon)
+            values["normal_pixels"] = counted.sum(dim=(1, 2, 3))
         return values | {"pixels": mask.sum(dim=(1, 2, 3))}
 
 

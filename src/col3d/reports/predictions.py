@@ -11,14 +11,16 @@ has `off_axis`, the angle in degrees between each pixel's ray and the optical ax
 
 import json
 import zipfile
-from collections.abc import Mapping
-from contextlib import suppress
+import zlib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.lib.npyio import NpzFile
 
-from col3d.checks import UserError
+from col3d.checks import DataError, UserError
 from col3d.owned import Owned
 from col3d.whole import write_whole
 
@@ -70,6 +72,7 @@ class PredictionWriter:
             self.video = video
             self.owned.claim(f"{video}.npz")
             partial = self.folder / f"{video}.npz.partial"
+            partial.parent.mkdir(parents=True, exist_ok=True)  # names of videos may have folders in them
             self.archive = zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED, compresslevel=1)
         codes = np.round(depth.clip(0, self.facts["max_depth"]) / self.facts["max_depth"] * DEPTH_STEPS)
         self._put(f"{frame}_depth", codes.astype(np.uint16))
@@ -119,7 +122,9 @@ class StoredPredictions:
     """Reads what `PredictionWriter` wrote.
 
     Raises:
-        ValueError: the folder holds no finished predictions.
+        DataError: the folder holds no finished predictions, or a file of it cannot be read.
+        FileNotFoundError: there is no such video.
+        KeyError: there is no such frame.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -127,13 +132,23 @@ class StoredPredictions:
         try:
             self.facts: dict[str, Any] = json.loads((folder / INDEX).read_text(encoding="utf-8"))
         except (OSError, ValueError):
-            raise ValueError(
-                f"{folder} holds no finished predictions: {INDEX} is missing or broken"
-            ) from None
+            raise DataError(f"{folder} holds no finished predictions: {INDEX} is missing or broken") from None
+
+    @contextmanager
+    def _opened(self, video: str) -> Iterator[NpzFile]:
+        path = self.folder / f"{video}.npz"
+        try:
+            with np.load(path, allow_pickle=False) as stored:
+                yield stored
+        except FileNotFoundError:
+            raise
+        except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+            reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+            raise DataError(f"{path}: predictions cannot be read ({reason}); make them again") from None
 
     def read(self, video: str, frame: int) -> tuple[np.ndarray, np.ndarray | None]:
         """Depth (h, w) in mm, and normals (h, w, 3) where there are, float32."""
-        with np.load(self.folder / f"{video}.npz", allow_pickle=False) as stored:
+        with self._opened(video) as stored:
             depth = stored[f"{frame}_depth"].astype(np.float32) / DEPTH_STEPS * self.facts["max_depth"]
             name = f"{frame}_normals"
             normals = stored[name].astype(np.float32) / NORMAL_STEPS if name in stored.files else None
@@ -141,25 +156,26 @@ class StoredPredictions:
 
     def read_image(self, video: str, frame: int) -> np.ndarray:
         """RGB (h, w, 3) in [0, 1], where images are kept."""
-        with np.load(self.folder / f"{video}.npz", allow_pickle=False) as stored:
+        with self._opened(video) as stored:
             image: np.ndarray = stored[f"{frame}_image"].astype(np.float32) / 255
         return image
 
     def read_occlusion(self, video: str, frame: int) -> np.ndarray | None:
         """Where another surface lies behind (h, w), or None where that is not kept."""
-        with np.load(self.folder / f"{video}.npz", allow_pickle=False) as stored:
+        with self._opened(video) as stored:
             name = f"{frame}_occlusion"
             return stored[name] if name in stored.files else None
 
     def frames(self) -> list[tuple[str, int]]:
         """Videos and frames that are kept."""
         found = []
-        for path in sorted(self.folder.glob("*.npz")):
-            with np.load(path, allow_pickle=False) as stored:
+        for path in sorted(self.folder.rglob("*.npz")):
+            video = path.relative_to(self.folder).with_suffix("").as_posix()
+            with self._opened(video) as stored:
                 numbers = [
                     int(name.removesuffix("_depth")) for name in stored.files if name.endswith("_depth")
                 ]
-            found += [(path.stem, number) for number in sorted(numbers)]
+            found += [(video, number) for number in sorted(numbers)]
         return found
 
 

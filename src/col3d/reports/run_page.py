@@ -49,7 +49,8 @@ def write_run_page(folder: Path) -> Path:
         options = yaml.safe_load(config.read_text(encoding="utf-8")) if config.is_file() else {}
     except yaml.YAMLError:
         raise UserError(f"{config}: not YAML") from None
-    panels = sorted((folder / "panels").glob("*.png"))
+    place = folder / "panels"
+    panels = sorted(place.rglob("*.png"))
     shown = without_places(summary)
     if summary.get("command"):
         shown["command"] = command_without_places(summary["command"])
@@ -58,11 +59,15 @@ def write_run_page(folder: Path) -> Path:
         "summary": shown,
         "tables": _tables(summary),
         "curves": _curves(Run(folder, options, summary, {}, folder.name)),
-        "panels": [(path.stem, data_uri(path)) for path in panels],
-        "scenes": as_script([read_frame(path) for path in sorted((folder / "panels").glob("*.npz"))]),
+        "panels": [(_name_below(place, path), data_uri(path)) for path in panels],
+        "scenes": as_script([read_frame(path) for path in sorted(place.rglob("*.npz"))]),
         "config": yaml.safe_dump(without_places(options), sort_keys=False) if options else "",
     }
     return write_page(folder / PAGE, "run.html", facts)
+
+
+def _name_below(folder: Path, path: Path) -> str:
+    return path.relative_to(folder).with_suffix("").as_posix()
 
 
 def write_page(path: Path, template: str, facts: dict[str, Any]) -> Path:

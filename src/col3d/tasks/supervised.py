@@ -9,7 +9,7 @@ from lightning import LightningModule
 from torch import Tensor, nn
 from torchmetrics import MeanMetric
 
-from col3d.batch import Batch, Prediction
+from col3d.batch import Batch, Prediction, normals_mask
 from col3d.metrics import DepthMetrics, FrameMean, NormalMetrics, Protocol
 from col3d.tasks.epoch_totals import EpochTotals
 from col3d.tasks.mirror import mirror_average
@@ -147,7 +147,8 @@ class SupervisedTask(LightningModule):
             self.val_losses[name].update(value, weight=len(batch["image"]))
         for key, metric in self.val_metrics.items():
             if key in batch:
-                metric.update(prediction[key], batch[key], batch["mask"])  # type: ignore[literal-required]
+                mask = normals_mask(batch) if key == "normals" else batch["mask"]
+                metric.update(prediction[key], batch[key], mask)  # type: ignore[literal-required]
 
     def on_validation_epoch_end(self) -> None:
         """Log the means over frames, and those of the training before it, over all processes."""

@@ -9,8 +9,8 @@
 `col3d.data.codes` says what the codes mean. A video's folder is there whole or not at all.
 """
 
-from col3d.data.store.index import Recipe, StoredVideo, read_video
+from col3d.data.store.index import Recipe, StoredVideo, folder_of, read_video, videos_in
 from col3d.data.store.read import Stored
 from col3d.data.store.write import write_video
 
-__all__ = ["Recipe", "Stored", "StoredVideo", "read_video", "write_video"]
+__all__ = ["Recipe", "Stored", "StoredVideo", "folder_of", "read_video", "videos_in", "write_video"]

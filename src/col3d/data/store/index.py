@@ -10,16 +10,18 @@ from typing import Any
 import numpy as np
 
 from col3d.checks import DataError
-from col3d.data.frames import Frame
+from col3d.data.frame_files import Frame
 from col3d.geometry import Camera
 from col3d.geometry.camera_file import camera_from_plain, plain_from_camera
 
 SCHEMA = 1
 """Raised whenever equal sources give other codes or files than before."""
-RULE = (
+DENSE_RULE = (
     "image: bilinear, antialiased, in 8 bits; depth and normals: bilinear between the four pixels around; "
     "known where all four are"
 )
+DERIVED_RULE = DENSE_RULE + ", depth where normals are not known too"
+SPARSE_RULE = DERIVED_RULE + "; else of the nearest known pixel inside"
 INDEX = "index.json"
 
 
@@ -34,6 +36,7 @@ class Recipe:
         max_depth: millimetres of the highest code.
         camera: at that size.
         decoding: see `FrameSet.decoding`.
+        dense_truth: see `FrameSet`.
     """
 
     data: str
@@ -42,12 +45,20 @@ class Recipe:
     max_depth: float
     camera: Camera
     decoding: Mapping[str, Any] = field(default_factory=dict)
+    dense_truth: bool = True
+
+    @property
+    def resize_rule(self) -> str:
+        """How files become frames of the size, in words."""
+        if not self.dense_truth:
+            return SPARSE_RULE
+        return DERIVED_RULE if self.normals == "derived" else DENSE_RULE
 
     def plain(self) -> dict[str, Any]:
         """As JSON has it."""
         return {
             "schema": SCHEMA,
-            "resize": RULE,
+            "resize": self.resize_rule,
             "data": self.data,
             "size": list(self.size_hw),
             "normals": self.normals,
@@ -186,6 +197,17 @@ def sources_of(root: Path, frames: Sequence[Frame]) -> dict[str, tuple[int, int]
     """State of every file that frames are read from."""
     paths = [path for frame in frames for path in frame.files.values()]
     return {path.relative_to(root).as_posix(): state_of(path) for path in paths}
+
+
+def folder_of(store: Path, video: str) -> Path:
+    """Where a video is kept; folders in its name make no folders in the store."""
+    return store / video.replace("/", "__")
+
+
+def videos_in(store: Path) -> list[str]:
+    """Names of the videos in a store."""
+    stored = (read_video(path) for path in store.iterdir() if path.is_dir())
+    return sorted(video.video for video in stored if video is not None)
 
 
 def read_video(folder: Path) -> StoredVideo | None:

@@ -10,7 +10,7 @@ import torch
 
 from col3d.data.codes import Codes
 from col3d.data.sized import SizedFrames, empty
-from col3d.data.store.index import Shard, StoredVideo
+from col3d.data.store.index import SPARSE_RULE, Shard, StoredVideo
 from col3d.geometry import Camera
 
 RELEASE_BYTES = 64 << 20
@@ -34,6 +34,7 @@ class Stored(SizedFrames):
         self.cameras: tuple[Camera, ...] = (self.stored[0].camera,)
         self.videos = [video.video for video, numbers in videos for _ in numbers]
         self.releases = {video.video: video.release for video in self.stored}
+        self.dense_truth = all(video.recipe["resize"] != SPARSE_RULE for video in self.stored)
         rows = [{number: row for row, number in enumerate(video.frames)} for video in self.stored]
         self.places = [(n, rows[n][number]) for n, (_, numbers) in enumerate(videos) for number in numbers]
         self.maps: dict[tuple[int, str], _Map] = {}

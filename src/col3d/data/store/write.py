@@ -12,7 +12,7 @@ from numpy.lib import format as npy
 
 from col3d.data.processes import whole_folder
 from col3d.data.sized import Resized
-from col3d.data.store.index import Recipe, Shard, StoredVideo, shapes, sources_of
+from col3d.data.store.index import Recipe, Shard, StoredVideo, folder_of, shapes, sources_of
 
 
 def write_video(store: Path, frames: Resized, recipe: Recipe, frame_done: Callable[[], None]) -> None:
@@ -31,7 +31,7 @@ def write_video(store: Path, frames: Resized, recipe: Recipe, frame_done: Callab
     source = frames.frames
     video = source.frames[0].video
     sources = sources_of(source.root, source.frames)
-    with whole_folder(store / video) as partial:
+    with whole_folder(folder_of(store, video)) as partial:
         kinds = shapes(recipe.size_hw, recipe.normals != "none")
         arrays = {name: _Array(partial / f"{name}.npy", len(frames), *of) for name, of in kinds.items()}
         try:

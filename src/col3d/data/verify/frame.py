@@ -9,7 +9,8 @@ from jaxtyping import Bool
 from col3d.checks import DataError
 from col3d.data.c3vd import C3VD, C3VDv2, decoded_flow
 from col3d.data.decode import read_rgb8, read_whole
-from col3d.data.frames import Depth, Frame, FrameSet
+from col3d.data.frame_files import Frame
+from col3d.data.frames import Depth, FrameSet
 from col3d.data.octagon import octagon_mask
 from col3d.data.verify.conventions import angles_of, off_lengths
 from col3d.data.verify.findings import Finding, FrameReport

@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from col3d.data.frames import Frame, FrameSet, Kind
+from col3d.data.frame_files import Frame, Kind
+from col3d.data.frames import FrameSet
 from col3d.data.verify.findings import Finding
 
 EXTRA = ("occlusion", "flow")
@@ -24,7 +25,9 @@ def list_frames(frames: FrameSet, video: str, folder: Path) -> tuple[list[Frame]
     def note(number: int, fault: str) -> None:
         findings.append(Finding("pair", fault, video, number))
 
-    found = {kind: frames.kinds[kind].find(folder, twice=note) for kind in kinds}
+    found = frames.files(folder, kinds, twice=note)
+    if how := frames.notes.get(folder):
+        findings.append(Finding("pair", how, video, fault=False))
     numbers = sorted(set().union(*(found[kind] for kind in needed)))
     for kind in needed:
         missing = [number for number in numbers if number not in found[kind]]

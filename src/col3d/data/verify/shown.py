@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from itertools import zip_longest
 
-from col3d.data.frames import Frame
+from col3d.data.frame_files import Frame
 from col3d.data.verify.findings import Finding, FrameReport
 from col3d.data.verify.video import Plan
 

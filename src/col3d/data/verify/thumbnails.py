@@ -9,7 +9,8 @@ import numpy as np
 from jaxtyping import Float32, UInt8
 
 from col3d.checks import DataError
-from col3d.data.frames import Frame, FrameSet
+from col3d.data.frame_files import Frame
+from col3d.data.frames import FrameSet
 from col3d.data.verify.decode import read_in_part
 
 

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import torch
 
-from col3d.data.frames import Depth, Frame, FrameSet
+from col3d.checks import DataError
+from col3d.data.frame_files import Frame
+from col3d.data.frames import Depth, FrameSet
 from col3d.data.verify.findings import Finding, FrameReport
 from col3d.data.verify.frame import check_frame, read_depth
 from col3d.data.verify.listing import list_frames
@@ -78,6 +80,8 @@ def plan_video(frames: FrameSet, video: str, folder: Path, fast: bool = False) -
         listed, findings = list_frames(frames, video, folder)
     except OSError as error:
         listed, findings = [], [Finding("file", f"{folder}: cannot be read ({error.strerror})", video)]
+    except DataError as error:
+        listed, findings = [], [Finding("pair", str(error), video)]
     poses, lines, place = dict[int, Pose](), None, folder / "pose.txt"
     if place.is_file():
         poses, lines, broken = read_poses(place, video)

@@ -24,6 +24,7 @@ from col3d.models.published.bts_family import (
 from col3d.models.published.monodepth_fpn import MONODEPTH_FPN_WEIGHTS
 from col3d.models.published.newcrfs import NEWCRFS_WEIGHTS
 from col3d.models.published.source import Source, house_name
+from col3d.whole import BUFFER
 
 SOURCES: dict[str, Source] = {
     "bts": BTS_WEIGHTS,
@@ -102,8 +103,8 @@ def read_weights(path: Path) -> dict[str, Any]:
     except ValueError as error:
         raise ValueError(f"checkpoint: {error}") from None
     try:
-        with torch.serialization.safe_globals(NUMPY_ARRAYS):
-            content = torch.load(path, map_location="cpu", weights_only=True)
+        with torch.serialization.safe_globals(NUMPY_ARRAYS), path.open("rb", buffering=BUFFER) as file:
+            content = torch.load(file, map_location="cpu", weights_only=True)
     except Exception as error:  # a file that is no weights may fail in any way while it is read
         raise ValueError(
             f"checkpoint: {path} must hold tensors and plain values alone, as torch.save writes them; "

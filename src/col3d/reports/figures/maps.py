@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from col3d.checks import DataError
 from col3d.reports.figures.figure import MissingError
 from col3d.reports.figures.material import Method, predictions_folder
 from col3d.reports.predictions import StoredPredictions
@@ -45,7 +46,9 @@ def read_truth(stored: StoredPredictions, frame: Frame) -> Truth:
     try:
         (depth, normals), image = stored.read(*frame), stored.read_image(*frame)
         occlusion = stored.read_occlusion(*frame)
-    except (OSError, KeyError):
+    except DataError as error:
+        raise MissingError(str(error)) from None
+    except (FileNotFoundError, KeyError):
         raise MissingError(f"the truth of frame {frame[1]} of {frame[0]} is not in {stored.folder}") from None
     mask = (depth > 0) & (depth < stored.facts["max_depth"])
     known = np.zeros_like(mask) if normals is None else np.linalg.norm(normals, axis=-1) > 0.5
@@ -61,10 +64,12 @@ def read_guess(method: Method, frame: Frame, truth: Truth) -> Guess:
     run = method.shown
     try:
         depth, normals = StoredPredictions(predictions_folder(run)).read(*frame)
-    except (OSError, ValueError, KeyError):
+    except (FileNotFoundError, KeyError):
         raise MissingError(
             f"frame {frame[1]} of {frame[0]} is not in the predictions of {run.name}"
         ) from None
+    except DataError as error:
+        raise MissingError(str(error)) from None
     if depth.shape != truth.depth.shape:
         raise MissingError(
             f"the truth is kept at {_size(truth.depth)} pixels, predictions of {run.name} are {_size(depth)}"

@@ -1,0 +1,43 @@
+"""A network in half precision, between inputs and outputs of single precision."""
+
+import copy
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from col3d.layers.conv import FuseELU, UpConv
+from col3d.layers.network import DepthNetwork
+
+CONVOLVING = (FuseELU, UpConv)
+"""Blocks that take the weights of a layer inside them."""
+
+
+class HalfNetwork(nn.Module):
+    """A copy of a network whose weights are of half precision, as are all maps between its layers.
+
+    What the network computes in single precision whatever it is trained in, sigmoids of depth and directions
+    of normals, stays so.
+    """
+
+    def __init__(self, network: DepthNetwork) -> None:
+        super().__init__()
+        self.network = copy.deepcopy(network).half()
+        self.tasks, self.needs_rays = network.tasks, network.needs_rays
+        for module in self.network.modules():
+            is_layer = not list(module.children()) and any(True for _ in module.parameters(recurse=False))
+            if is_layer or isinstance(module, CONVOLVING):
+                module.register_forward_pre_hook(_in_half)
+
+    def forward(
+        self, image: Float[Tensor, "b 3 h w"], rays: Float[Tensor, "*b 3 h w"] | None = None
+    ) -> dict[str, Tensor]:
+        """As the network's, in single precision."""
+        found = self.network(image.half(), rays)
+        return {name: found[name].float() for name in self.tasks}
+
+
+def _in_half(module: nn.Module, given: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Cast maps, which sigmoids and directions leave in single precision, for a layer."""
+    return tuple(x.half() if isinstance(x, Tensor) and x.dtype == torch.float32 else x for x in given)

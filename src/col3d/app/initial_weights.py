@@ -1,0 +1,77 @@
+"""The weights that a training begins from, where another checkpoint has some that fit."""
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from torch import Tensor, nn
+
+from col3d.app.config import InitOptions
+from col3d.app.learnt import published_network, read_file
+from col3d.checks import UserError
+from col3d.layers.weight_file import check_finite
+
+OURS = "network."
+"""What names of a network's tensors start with in checkpoints of train.py."""
+
+
+def begin_from(network: nn.Module, options: InitOptions, say: Callable[[str], None] = print) -> None:
+    """Fill a network with those tensors of a checkpoint that have its names and shapes.
+
+    Args:
+        network: that is filled.
+        options: where from; nothing is done where no checkpoint is named.
+        say: is told how many tensors were taken, and which were not.
+
+    Raises:
+        UserError: the file holds no weights, damaged ones, or none that fit.
+    """
+    if options.checkpoint is None:
+        return
+    given, wanted = _tensors(options), network.state_dict()
+    shared = [name for name in wanted if name in given]
+    fitting = {name: given[name] for name in shared if given[name].shape == wanted[name].shape}
+    if not fitting:
+        raise UserError(
+            f"init.checkpoint: none of the {len(given)} tensors in {options.checkpoint} fits this network; "
+            "begin from a checkpoint of the same model and encoder"
+        )
+    network.load_state_dict(fitting, strict=False)
+    say(f"begins from {len(fitting)} of {len(wanted)} tensors of {options.checkpoint}")
+    absent = [name for name in wanted if name not in given]
+    reshaped = [name for name in shared if name not in fitting]
+    unused = [name for name in given if name not in wanted]
+    for names, what in (
+        (absent, "not in that file, and as they were initialised"),
+        (reshaped, "of another shape there, and as they were initialised"),
+        (unused, "in that file alone, and not used"),
+    ):
+        if names:
+            say(f"note: {what}: {_by_part(names)}")
+
+
+def _tensors(options: InitOptions) -> Mapping[str, Tensor]:
+    path = Path(str(options.checkpoint))
+    if options.published is not None:
+        return published_network(path, options.published).state_dict()
+    content = read_file(path)
+    state = content.get("state_dict")
+    named = state if isinstance(state, Mapping) else {}
+    ours = {name.removeprefix(OURS): values for name, values in named.items() if name.startswith(OURS)}
+    if not ours:
+        raise UserError(
+            f"init.checkpoint: {path} is not a checkpoint of train.py; for the authors' weights say "
+            "init.published=<whose>"
+        )
+    try:
+        check_finite(ours)
+    except ValueError as error:
+        raise UserError(f"init.checkpoint: {path}: {error}") from None
+    return ours
+
+
+def _by_part(names: list[str]) -> str:
+    """Names counted by the part of the network that they are in: `normal_decoder (18), head.weight`."""
+    parts = Counter(name.partition(".")[0] for name in names)
+    alone = {name.partition(".")[0]: name for name in names}
+    return ", ".join(alone[part] if count == 1 else f"{part} ({count})" for part, count in parts.items())

@@ -1,0 +1,74 @@
+"""The camera that a user names, at the size of the images, and what it sees of them."""
+
+import json
+from pathlib import Path
+
+import pytest
+import torch
+
+from col3d.app.cameras import camera_at, lens_of, view_of
+from col3d.checks import DataError, UserError
+from col3d.data.octagon import octagon_mask
+from col3d.geometry import FisheyeCamera, PinholeCamera, RadialTangentialCamera
+
+FISHEYE = {"model": "FISHEYE_OPENCV", "h": 96, "w": 128, "fx": 75.0, "fy": 75.0, "cx": 63.5, "cy": 47.5}
+FISHEYE |= {"k1": -0.19, "k2": -0.004, "k3": 0.03, "k4": -0.013}
+
+
+def written(folder: Path, text: str) -> str:
+    path = folder / "camera"
+    path.write_text(text)
+    return str(path)
+
+
+def test_a_matrix_is_of_the_images_at_hand(tmp_path: Path) -> None:
+    lens = lens_of(written(tmp_path, "75.0, 0, 63.0\n0, 76.0, 47.0\n0, 0, 1\n"))
+    assert lens is not None
+    assert lens.size_hw == (0, 0)
+    assert camera_at(lens, (96, 128)) == PinholeCamera.from_focal((96, 128), 75.0, 76.0, 63.0, 47.0)
+
+
+def test_distortion_without_a_size_is_checked_at_that_of_the_images(tmp_path: Path) -> None:
+    vector = {"K": [[75.0, 0, 63.0], [0, 75.0, 47.0], [0, 0, 1]], "D": [-0.12, 0.0, 0.0, 0.0, 0.0]}
+    lens = lens_of(written(tmp_path, json.dumps(vector)))
+    assert isinstance(lens, RadialTangentialCamera)
+    with pytest.raises(DataError, match=r"camera: the distortion folds before pixel"):
+        camera_at(lens, (196, 228))
+    assert camera_at(lens, (96, 128)).size_hw == (96, 128)
+
+
+def test_what_a_fisheye_does_not_see_does_not_count(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = written(tmp_path, json.dumps(FISHEYE))
+    lens = lens_of(path)
+    assert isinstance(lens, FisheyeCamera)
+    view = view_of(path, (48, 64))
+    assert view is not None
+    assert torch.equal(view, lens.resized((48, 64)).sees())
+    assert view.float().mean() == pytest.approx(0.954, abs=0.005)
+    assert not view[0, 0, 0]
+    told = capsys.readouterr().out
+    assert told.count("of the pixels lie outside the image circle") == 1
+
+
+def test_what_all_of_an_image_shows_needs_no_mask(tmp_path: Path) -> None:
+    plain = {"model": "pinhole", "size": [96, 128], "fx": 75.0, "fy": 75.0, "cx": 63.0, "cy": 47.0}
+    assert view_of(written(tmp_path, json.dumps(plain)), (96, 128)) is None
+    for option in (None, "none", "simcol3d", [75.0, 75.0, 63.0, 47.0]):
+        assert view_of(option, (96, 128)) is None
+    octagon = view_of("c3vd", (96, 128))
+    assert octagon is not None
+    assert torch.equal(octagon, octagon_mask((96, 128)))
+
+
+def test_a_file_that_changes_is_read_again(tmp_path: Path) -> None:
+    path = written(tmp_path, json.dumps(FISHEYE))
+    assert isinstance(lens_of(path), FisheyeCamera)
+    with pytest.raises(UserError, match=r"camera: .*not a camera: model: 'x' is not read; fit .*polynomial"):
+        lens_of(written(tmp_path, json.dumps(FISHEYE | {"model": "x"})))
+
+
+def test_colmaps_half_pixel_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    lens_of(written(tmp_path, "1 PINHOLE 128 96 75 75 63 47\n"))
+    assert "0.5 is taken from cx and cy" in capsys.readouterr().out

@@ -1,0 +1,193 @@
+"""More epochs for a run, and weights to begin from."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+import yaml
+from test_resume import assert_the_same
+from test_starts_and_ends import QUICK, PowerCutError, cut_in, result
+from tiny_run import SMALL
+
+from col3d.app import build
+from col3d.app.config import InitOptions, TrainOptions
+from col3d.app.errors import check_options
+from col3d.app.initial_weights import begin_from
+from col3d.app.train import train
+from col3d.checks import UserError
+from col3d.models import create
+
+Compose = Callable[..., dict[str, Any]]
+STEADY = (*QUICK, "scheduler=constant")
+
+
+@pytest.mark.parametrize("before", ["finished", "cut off"])
+def test_a_longer_run_ends_as_if_it_had_been_asked_for_at_once(
+    before: str,
+    tiny: Compose,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    train(tiny(*STEADY, "trainer.max_epochs=3", f"output_dir={tmp_path / 'whole'}"))
+    if before == "finished":
+        train(tiny(*STEADY, "trainer.max_epochs=1"))
+    else:
+        with monkeypatch.context() as patched:
+            cut_in(patched, 1)
+            with pytest.raises(PowerCutError):
+                train(tiny(*STEADY, "trainer.max_epochs=2"))
+    capsys.readouterr()
+    train(tiny(*STEADY, "trainer.max_epochs=3"))
+    said = capsys.readouterr().out
+    assert "for 3 epochs instead of" in said
+    assert "epoch 1/3" not in said
+    assert_the_same(tmp_path / "run", tmp_path / "whole")
+    assert result(tmp_path / "run")["epochs"] == 3
+
+
+def test_a_longer_run_that_is_cut_off_goes_on(
+    tiny: Compose, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = tmp_path / "run"
+    train(tiny(*STEADY, "trainer.max_epochs=3", f"output_dir={tmp_path / 'whole'}"))
+    train(tiny(*STEADY, "trainer.max_epochs=1"))
+    content = result(run)
+    del content["epochs"]  # as runs of before have it
+    (run / "result.json").write_text(json.dumps(content))
+    with monkeypatch.context() as patched:
+        cut_in(patched, 1)
+        with pytest.raises(PowerCutError):
+            train(tiny(*STEADY, "trainer.max_epochs=3"))
+    assert result(run)["hash"] == content["hash"]
+    capsys.readouterr()
+    train(tiny(*STEADY, "trainer.max_epochs=1"))
+    assert "finished before" in capsys.readouterr().out
+    train(tiny(*STEADY, "trainer.max_epochs=3"))
+    assert "finished before" not in capsys.readouterr().out
+    assert_the_same(run, tmp_path / "whole")
+
+
+def test_a_schedule_is_said_to_be_another(tiny: Compose, capsys: pytest.CaptureFixture[str]) -> None:
+    train(tiny(*QUICK, "trainer.max_epochs=1"))
+    train(tiny(*QUICK, "trainer.max_epochs=2"))
+    assert "the learning rate goes on where its schedule over 2 epochs would be" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("other", ["trainer.max_epochs=1", "seed=3 trainer.max_epochs=3"])
+def test_fewer_epochs_or_another_run_are_refused(tiny: Compose, other: str) -> None:
+    train(tiny(*STEADY, "trainer.max_epochs=2"))
+    with pytest.raises(UserError, match="holds a run with another"):
+        train(tiny(*STEADY, *other.split()))
+
+
+def test_an_option_that_is_new_and_null_leaves_finished_runs_finished(
+    tiny: Compose, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = tmp_path / "run"
+    train(tiny(*QUICK))
+    content = yaml.safe_load((run / "config.yaml").read_text())
+    del content["init"]
+    (run / "config.yaml").write_text(yaml.safe_dump(content))
+    (run / "result.json").write_text(
+        json.dumps({**result(run), "hash": "of a version that hashed otherwise"})
+    )
+    before = (run / "checkpoints" / "best.ckpt").read_bytes()
+    capsys.readouterr()
+    train(tiny(*QUICK))
+    assert "finished before" in capsys.readouterr().out
+    assert (run / "checkpoints" / "best.ckpt").read_bytes() == before
+
+
+def network_of(path: Path) -> dict[str, torch.Tensor]:
+    state = torch.load(path, weights_only=True)["state_dict"]
+    return {
+        name.removeprefix("network."): values for name, values in state.items() if name.startswith("network.")
+    }
+
+
+@pytest.fixture
+def best(tiny: Compose, tmp_path: Path) -> Path:
+    train(tiny(*QUICK))
+    return tmp_path / "run" / "checkpoints" / "best.ckpt"
+
+
+def options_of(given: dict[str, Any]) -> TrainOptions:
+    return check_options(TrainOptions, given)
+
+
+def test_all_weights_of_the_same_network_are_taken(best: Path, tiny: Compose) -> None:
+    options = options_of(tiny(*QUICK, f"init.checkpoint={best}", "seed=9", "optimizer.lr=0.00001"))
+    network, said = build.task(options).network, []
+    begin_from(network, options.init, said.append)
+    for name, values in network_of(best).items():
+        assert torch.equal(network.state_dict()[name], values)
+    assert len(said) == 1
+    assert f"begins from {len(network.state_dict())} of {len(network.state_dict())} tensors" in said[0]
+
+
+def test_what_is_not_taken_is_listed(best: Path) -> None:
+    other = create("bts", encoder="lcnet_035", width=64, normals="unc", pretrained=None)
+    before = {name: values.clone() for name, values in other.state_dict().items()}
+    said: list[str] = []
+    begin_from(other, InitOptions(checkpoint=str(best)), said.append)
+    given, after = network_of(best), other.state_dict()
+    taken = [name for name in after if name in given and given[name].shape == after[name].shape]
+    assert 0 < len(taken) < len(after)
+    for name in after:
+        assert torch.equal(after[name], given[name] if name in taken else before[name])
+    assert f"begins from {len(taken)} of {len(after)} tensors" in said[0]
+    assert any("as they were initialised" in line for line in said)
+
+
+def test_a_training_begins_there(
+    best: Path, tiny: Compose, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = tiny(
+        *QUICK, f"init.checkpoint={best}", f"output_dir={tmp_path / 'tuned'}", "optimizer.lr=1e-12", "seed=5"
+    )
+    train(given)
+    assert "begins from" in capsys.readouterr().out
+    tuned = network_of(tmp_path / "tuned" / "checkpoints" / "best.ckpt")
+    for name, values in network_of(best).items():
+        if not name.endswith(("running_mean", "running_var", "num_batches_tracked")):
+            torch.testing.assert_close(tuned[name], values, rtol=0, atol=1e-6)
+    starts = json.loads((tmp_path / "tuned" / "starts.json").read_text())["starts"]
+    assert f"init.checkpoint {best}" in starts[0]["data"]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("init.checkpoint=nowhere.ckpt",), "no such file: nowhere.ckpt"),
+        (("init.published=bts",), "give init.checkpoint=PATH"),
+        (("init.checkpoint={other}",), "init.checkpoint: .* is not a checkpoint of train.py"),
+        (("init.checkpoint={nan}",), "init.checkpoint: .* is not finite"),
+        (("init.checkpoint={best}", "model.encoder=mobilenetv3_small_050"), "begins from"),
+        (("model.pretrained={best}",), "begin from it with init.checkpoint"),
+    ],
+)
+def test_weights_that_do_not_serve_are_refused(
+    best: Path,
+    tiny: Compose,
+    tmp_path: Path,
+    options: tuple[str, ...],
+    message: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    content = torch.load(best, weights_only=True)
+    torch.save({"state_dict": {"a": torch.ones(2)}}, tmp_path / "other.pt")
+    content["state_dict"] = {name: values * torch.nan for name, values in content["state_dict"].items()}
+    torch.save(content, tmp_path / "nan.pt")
+    places = {"best": best, "other": tmp_path / "other.pt", "nan": tmp_path / "nan.pt"}
+    given = tiny("model=bts", SMALL, f"output_dir={tmp_path / 'x'}", *(o.format(**places) for o in options))
+    if message == "begins from":
+        train(given)
+        assert "of another shape there" in capsys.readouterr().out
+        return
+    with pytest.raises(UserError, match=message):
+        train(given)
+    assert not (tmp_path / "x" / "checkpoints").exists()

@@ -1,0 +1,126 @@
+"""Poses written in every usual way are read for what they are, or refused before anything is fused."""
+
+import json
+import shutil
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tiny_run import composed
+
+from col3d.app.cameras import camera_at
+from col3d.app.fuse import fuse
+from col3d.checks import DataError, UserError
+from col3d.data.c3vd import C3VD
+from col3d.data.pose_readings import AXES, DIRECTIONS, UNITS, PoseReading, find_reading
+
+VIDEO = "desc_t4_a"
+AUTO = dict.fromkeys(("direction", "axes", "unit", "first"), "auto")
+EVERY_READING = [PoseReading(*fields) for fields in product(DIRECTIONS, AXES, UNITS)]
+
+
+@pytest.fixture
+def video(rendered: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(rendered, tmp_path / "C3VD" / VIDEO))
+
+
+def frames_of(video: Path) -> C3VD:
+    return C3VD(video.parent, [VIDEO], normals="none", camera=camera_at(C3VD.lens(), (64, 80)))
+
+
+def written_as(reading: PoseReading, true: np.ndarray) -> np.ndarray:
+    """Poses that another program would have written; by hand, not by the code under test."""
+    signs = np.diag([*AXES[reading.axes], 1.0])
+    stored = np.array([signs @ pose @ signs for pose in true])
+    stored[:, :3, 3] /= UNITS[reading.unit]
+    return np.linalg.inv(stored) if reading.direction == "world_to_camera" else stored
+
+
+def save(video: Path, poses: np.ndarray) -> None:
+    lines = [",".join(f"{value:.12g}" for value in pose.T.reshape(-1)) for pose in poses]
+    (video / "pose.txt").write_text("\n".join(lines) + "\n")
+
+
+def fused(video: Path, output: Path, *options: str) -> float:
+    sizes = ("voxel=2", "size=[64,80]", "accelerator=cpu")
+    fuse(composed("fuse", f"video={video}", f"output={output}", *sizes, *options))
+    comparisons = json.loads((output / "fusion.json").read_text())["comparisons"]
+    return float(comparisons["truth to coverage_mesh.obj"]["accuracy_mean_mm"])
+
+
+@pytest.mark.parametrize("reading", EVERY_READING, ids=str)
+def test_a_reading_takes_stored_poses_back_to_the_true_ones(reading: PoseReading, video: Path) -> None:
+    true = frames_of(video).poses(VIDEO).numpy()
+    np.testing.assert_allclose(reading.camera_to_world(written_as(reading, true)), true, atol=1e-9)
+
+
+@pytest.mark.parametrize("reading", EVERY_READING, ids=str)
+def test_depth_tells_what_poses_mean(reading: PoseReading, video: Path) -> None:
+    frames = frames_of(video)
+    true = frames.poses(VIDEO).numpy()
+    found, usual = (find_reading(frames, poses, AUTO) for poses in (written_as(reading, true), true))
+    assert found.reading == reading
+    assert found.apart == pytest.approx(usual.apart, rel=1e-6)
+    assert (found.note == "") == (reading == PoseReading())
+
+
+def renumbered(video: Path, by: int) -> None:
+    for path in sorted(video.iterdir(), reverse=True):
+        if path.name[:4].isdigit():
+            path.rename(path.with_name(f"{int(path.name[:4]) + by:04d}{path.name[4:]}"))
+
+
+@pytest.mark.parametrize("first", [1, 7])
+def test_the_first_line_is_of_the_first_frame(
+    video: Path, first: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = fused(video, tmp_path / "before")
+    renumbered(video, first)
+    assert fused(video, tmp_path / "after") == pytest.approx(before, rel=1e-6)
+    assert f"note: pose.txt is read with poses.first={first}" in capsys.readouterr().out
+    with pytest.raises(UserError, match=r"no line of pose\.txt is of a frame"):
+        fused(video, tmp_path / "other", "poses.first=40")
+
+
+def test_what_was_taken_is_said(video: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = fused(video, tmp_path / "before")
+    reading = PoseReading("world_to_camera", "opengl", "m")
+    save(video, written_as(reading, frames_of(video).poses(VIDEO).numpy()))
+    capsys.readouterr()
+    assert fused(video, tmp_path / "after") == pytest.approx(before, abs=0.02)
+    said = "poses.direction=world_to_camera poses.axes=opengl poses.unit=m"
+    assert f"note: pose.txt is read with {said}" in capsys.readouterr().out
+    fused(video, tmp_path / "asked", *said.split())
+    assert "note: pose.txt" not in capsys.readouterr().out
+
+
+def test_a_reading_that_is_asked_for_and_wrong_is_refused(video: Path, tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"pose\.txt: .* apart; poses\.unit=mm brings it within 0\."):
+        fused(video, tmp_path / "out", "poses.unit=m")
+    assert not (tmp_path / "out").exists()
+    fused(video, tmp_path / "out", "poses.unit=m", "poses.check=false")
+
+
+def test_poses_of_another_video_are_refused(video: Path, tmp_path: Path) -> None:
+    frames = frames_of(video)
+    poses = frames.poses(VIDEO).numpy()[::-1].copy()
+    turn = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
+    for place in range(len(poses)):
+        poses[place, :3, :3] = np.linalg.matrix_power(turn, place) @ poses[place, :3, :3]
+    with pytest.raises(DataError, match=r"no usual reading of the poses fits; poses\.check=false"):
+        find_reading(frames, poses, AUTO)
+
+
+def test_poses_that_mirror_are_refused(video: Path, tmp_path: Path) -> None:
+    poses = frames_of(video).poses(VIDEO).numpy()
+    save(video, np.diag([1.0, -1, 1, 1]) @ poses)
+    with pytest.raises(UserError, match=r"pose\.txt: .*line 1 is no rotation"):
+        fused(video, tmp_path / "out")
+
+
+def test_a_single_frame_has_nothing_to_be_held_against(
+    video: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fused(Path(f"{video}:0-0"), tmp_path / "out")
+    assert "note: no two frames see the same" in capsys.readouterr().out

@@ -1,0 +1,139 @@
+"""Paths and names reach a program as they are typed, or a line says how to quote them."""
+
+import random
+import shlex
+from pathlib import Path
+
+import pytest
+from hydra import initialize_config_dir
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.errors import OverrideParseException
+from omegaconf import OmegaConf
+from pydantic import BaseModel
+
+from col3d.app import config
+from launch import composed
+from launch.files import CONF
+from launch.paths import MAY_BE_NULL, NAMES, PATHS, as_typed, quoted
+from launch.refusals import explain
+
+NASTY = " ()[]{}=,#&~:;'\"\\$%@!?*+-^`|<>äß鏡0e1._"
+TYPED = (
+    *("frame (1).png", "Müller.png", "内視鏡.png", "a=b.png", "a,b.png", "patient [2].png", "it's.png"),
+    *("a#1.png", "a&b.png", "a~b.png", "{}.png", "rgb_{}.png", "C:\\data\\new", "ends with \\"),
+    *("123", "007", "1e5", "1_000", "-1", "null", "true", "nan", "[a]", "{a: b}", "a b", " led by space"),
+    *("'", "a'b", '"', "a\\'b", "é", "both ' and \""),
+)
+
+
+def read_back(argument: str) -> object:
+    override = OverridesParser.create().parse_override(argument)
+    assert not override.is_sweep_override()
+    return override.value()
+
+
+@pytest.mark.parametrize("value", TYPED)
+@pytest.mark.parametrize("option", ["input", "data.root", "+data.layout.depth", "hydra.run.dir"])
+def test_a_path_is_what_was_typed(option: str, value: str) -> None:
+    (argument,) = as_typed([f"{option}={value}"], "predict")
+    assert read_back(argument) == value
+
+
+def test_any_text_comes_back_from_its_quotes() -> None:
+    draw = random.Random(0)
+    for _ in range(300):
+        value = "".join(draw.choice(NASTY) for _ in range(draw.randint(1, 12)))
+        if "${" not in value:
+            assert read_back(f"input={quoted(value)}") == value
+
+
+@pytest.mark.parametrize("value", TYPED)
+def test_a_composed_option_is_what_was_typed(value: str) -> None:
+    overrides = as_typed([f"input={value}", "output=out"], "predict")
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        assert composed("predict", overrides)["input"] == value
+
+
+def test_names_in_lists_stay_names() -> None:
+    typed = "data.split.train=[001,7,1e3,null,clip 1,cecum_t1_a:0-120,'b c',no(1)]"
+    (argument,) = as_typed([typed], "train")
+    names = ["001", "7", "1e3", "null", "clip 1", "cecum_t1_a:0-120", "b c", "no(1)"]
+    assert OmegaConf.create({"x": read_back(argument)})["x"] == names
+
+
+@pytest.mark.parametrize(
+    "argument",
+    [
+        *("camera=[520,520,319.5,239.5]", "checkpoint=null", "output_dir=null", "samples=none", "video=true"),
+        *(
+            "input='a b.png'",
+            'input="a b.png"',
+            "output_dir=runs/${now:%H}",
+            "loss.lambdas=[0.5,0.3,0.2]",
+            "seed=7",
+        ),
+        *("input=frames/*.jpg", "data.root=/data/C3VD", "--fast", "model=bts", "data.split.train=[a,b]"),
+    ],
+)
+def test_what_hydra_reads_rightly_is_left_as_it_is(argument: str) -> None:
+    assert as_typed([argument], "predict") == [argument]
+
+
+def test_commas_separate_in_a_sweep() -> None:
+    sweep = ["-m", "model.pretrained=none,imagenet", "data.root=/a/b (1)"]
+    assert as_typed(sweep, "train") == ["-m", "model.pretrained=none,imagenet", 'data.root="/a/b (1)"']
+
+
+@pytest.mark.parametrize("argument", ["seed=a(1)", "model.encoder=Müller", "preset=#1"])
+def test_what_cannot_be_read_is_shown_quoted_rightly(argument: str) -> None:
+    with pytest.raises(OverrideParseException) as error:
+        OverridesParser.create().parse_overrides([argument])
+    option, _, value = argument.partition("=")
+    advice = explain(error.value, "train").partition("quote it twice: ")[2]
+    assert read_back(shlex.split(advice)[0]) == value
+    assert shlex.split(advice)[0].startswith(f"{option}=")
+
+
+def text_options(model: type[BaseModel], prefix: str = "") -> dict[str, bool]:
+    """Options whose value is free text, and whether they may be null."""
+    found = {}
+    for name, field in model.model_fields.items():
+        said, place = str(field.annotation), f"{prefix}{name}"
+        inner = field.annotation
+        if isinstance(inner, type) and issubclass(inner, BaseModel):
+            found |= text_options(inner, f"{place}.")
+        elif inner is str or said in ("str | None", "typing.Optional[str]"):
+            found[place] = "None" in said
+    return found
+
+
+NO_PATH = {"preset", "prepare.preset", "model.encoder", "data.split.name", "name"}
+"""Free text that is a name of ours."""
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        *(config.EvaluateOptions, config.PredictOptions, config.FuseOptions, config.ExportOptions),
+        *(
+            config.AppOptions,
+            config.PrepareOptions,
+            config.VerifyOptions,
+            config.BenchmarkFile,
+            config.TrainOptions,
+        ),
+    ],
+)
+def test_no_option_that_is_a_path_is_forgotten(model: type[BaseModel]) -> None:
+    for option, nullable in text_options(model).items():
+        if option in NO_PATH or option.startswith("logger."):
+            continue
+        assert PATHS.fullmatch(option), option
+        assert nullable is False or option in MAY_BE_NULL, option
+
+
+def test_data_sets_beside_have_paths_too() -> None:
+    assert PATHS.fullmatch("data.also.simcol3d.root")
+    assert PATHS.fullmatch("data.test.layout.image")
+    assert NAMES.fullmatch("data.also.c3vdv2.split.train")
+    assert Path(CONF).is_dir()
