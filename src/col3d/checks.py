@@ -1,13 +1,21 @@
 """Errors that name the argument, the rule and what came."""
 
 import difflib
+import errno
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+DISK_FAULTS = (errno.EIO, errno.ESTALE, errno.ETIMEDOUT, errno.ENXIO)
+"""Numbers of errors that say nothing of the file that was read."""
+
 
 class DataError(ValueError):
     """A file or folder of a data set breaks a rule; the message names it and says what to do."""
+
+
+class DiskError(DataError):
+    """A file could not be read for the disk's or the server's sake, whatever is in it."""
 
 
 class UserError(Exception):

@@ -15,6 +15,7 @@ from test_launch import call
 from tiny_run import composed
 
 from col3d.app.export import export
+from col3d.app.exported import is_exported
 from col3d.app.half import HalfNetwork
 from col3d.app.learnt import learnt, located
 from col3d.app.same_outputs import compare
@@ -39,6 +40,7 @@ def exported(checkpoint: Path, path: Path) -> None:
     assert "image -> depth, normals" in said[1]
     assert "1 x 33 x 130, 3 x 75 x 101, 2 x 224 x 97, 1 x 64 x 80" in said[2]
     assert [found.name for found in path.parent.iterdir()] == [path.name]
+    assert is_exported(path)
 
 
 def test_an_onnx_file(tiny_checkpoint: Path, phantom_root: Path, tmp_path: Path) -> None:

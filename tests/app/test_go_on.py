@@ -16,6 +16,7 @@ from col3d.app import build
 from col3d.app.config import InitOptions, TrainOptions
 from col3d.app.errors import check_options
 from col3d.app.initial_weights import begin_from
+from col3d.app.learnt import learnt
 from col3d.app.train import train
 from col3d.checks import UserError
 from col3d.models import create
@@ -127,6 +128,18 @@ def test_all_weights_of_the_same_network_are_taken(best: Path, tiny: Compose) ->
         assert torch.equal(network.state_dict()[name], values)
     assert len(said) == 1
     assert f"begins from {len(network.state_dict())} of {len(network.state_dict())} tensors" in said[0]
+
+
+def test_all_of_what_ships_is_taken() -> None:
+    network, said = learnt(Path("shipped")).network, list[str]()
+    begin_from(network, InitOptions(checkpoint="shipped"), said.append)
+    count = len(network.state_dict())
+    assert said == [f"begins from {count} of {count} tensors of shipped"]
+
+
+def test_a_network_that_shares_nothing_is_refused() -> None:
+    with pytest.raises(UserError, match=r"none of the \d+ tensors in shipped fits this network"):
+        begin_from(torch.nn.Linear(3, 3), InitOptions(checkpoint="shipped"))
 
 
 def test_what_is_not_taken_is_listed(best: Path) -> None:

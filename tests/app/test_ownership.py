@@ -6,11 +6,14 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import onnx
 import pytest
-from tiny_run import composed
+import torch
+from tiny_run import composed, earlier_export
 
 from col3d.app.evaluate import evaluate
 from col3d.app.export import export
+from col3d.app.exported import is_exported
 from col3d.app.predict import predict
 from col3d.app.prepare import prepare
 from col3d.app.run_folder import FILES
@@ -214,6 +217,40 @@ def test_an_export_replaces_no_input(tiny_checkpoint: Path, tmp_path: Path) -> N
         checkpoint = Path(shutil.copy(tiny_checkpoint, tmp_path / f"weights.{ending}"))
         with pytest.raises(UserError, match=f"^output: {checkpoint} is the checkpoint itself"):
             export(composed("export", f"checkpoint={checkpoint}", f"output={checkpoint}", "overwrite=true"))
+
+
+@pytest.mark.parametrize("ending", ["ckpt", "pt2", "onnx"])
+def test_an_export_replaces_exports_alone(ending: str, tiny_checkpoint: Path, tmp_path: Path) -> None:
+    output = tmp_path / f"net.{ending}"
+
+    def exported(*overrides: str) -> None:
+        export(composed("export", f"checkpoint={tiny_checkpoint}", f"output={output}", *overrides))
+
+    for content in (b"precious", b"", b"PK precious", theirs(ending, tmp_path), tiny_checkpoint.read_bytes()):
+        output.write_bytes(content)
+        with pytest.raises(UserError, match=f"^output: {output} is no export of this program and stays"):
+            exported("overwrite=true")
+        assert output.read_bytes() == content
+    earlier_export(output)
+    assert is_exported(output)
+    if ending == "ckpt":  # the others are traced, in tests of their own
+        exported("overwrite=true")
+        exported("overwrite=true")
+
+
+def theirs(ending: str, folder: Path) -> bytes:
+    """A file of the same format by another program."""
+    if ending == "onnx":
+        value = onnx.helper.make_tensor_value_info("x", onnx.TensorProto.FLOAT, [1])
+        node = onnx.helper.make_node("Identity", ["x"], ["y"])
+        given = onnx.helper.make_tensor_value_info("y", onnx.TensorProto.FLOAT, [1])
+        graph = onnx.helper.make_graph([node], "g", [value], [given])
+        return bytes(onnx.helper.make_model(graph, producer_name="pytorch").SerializeToString())
+    if ending == "pt2":
+        torch.export.save(torch.export.export(torch.nn.Identity(), (torch.ones(1),)), folder / "other.pt2")
+        return (folder / "other.pt2").read_bytes()
+    torch.save({"state_dict": {"a": torch.ones(1)}}, folder / "other.pt")
+    return (folder / "other.pt").read_bytes()
 
 
 def test_a_list_owns_nothing_outside_its_folder(tmp_path: Path) -> None:

@@ -45,7 +45,7 @@ OPTIONS = {
     "verify.py": VerifyOptions,
     "download.py": DownloadOptions,
 }
-ELSEWHERE = ("data=", "hydra/launcher=")  # launchers have tests of their own
+ELSEWHERE = ("data=", "hydra/launcher=", "init.checkpoint=")  # they have tests of their own
 SHORT = [c for c in COMMANDS if c[1] == "train.py" and not any(a.startswith(ELSEWHERE) for a in c)]
 SHORT = [
     c for c in SHORT if not any(a.startswith("hydra.sweep.dir=") for a in c)

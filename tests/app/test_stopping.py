@@ -15,7 +15,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from tiny_run import composed
+from tiny_run import composed, earlier_export
 
 from col3d.app import fuse as fusing
 from col3d.app.predict import predict
@@ -267,7 +267,7 @@ def test_a_full_disk_is_said_of_the_file_of_a_prediction(most: int, kind: str, t
 
 @pytest.mark.parametrize("name", ["model.ckpt", "model.pt2", "model.onnx"])
 def test_a_full_disk_is_said_of_the_file_of_an_export(name: str, tmp_path: Path) -> None:
-    (tmp_path / name).write_text("from before")
+    before = earlier_export(tmp_path / name)
     limited = f"ulimit -f 100; exec {sys.executable} {PROJECT / 'export.py'} checkpoint=shipped"
     answer = subprocess.run(
         ["bash", "-c", f"{limited} overwrite=true output={name}"],
@@ -277,5 +277,5 @@ def test_a_full_disk_is_said_of_the_file_of_an_export(name: str, tmp_path: Path)
         check=False,
     )
     assert (answer.returncode, answer.stderr) == (2, f"error: {name}: File too large\n")
-    assert (tmp_path / name).read_text() == "from before"
+    assert (tmp_path / name).read_bytes() == before
     assert len(list(tmp_path.iterdir())) == 1

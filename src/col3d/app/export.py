@@ -14,6 +14,7 @@ import torch
 
 from col3d.app.config import ExportOptions
 from col3d.app.errors import check_options
+from col3d.app.exported import is_exported
 from col3d.app.exported_facts import facts_of
 from col3d.app.half import HalfNetwork
 from col3d.app.learnt import Learnt, learnt, located
@@ -94,6 +95,8 @@ def _check(path: Path, options: ExportOptions) -> None:
         raise UserError(f"output: {path} is a folder")
     if path.exists() and not options.overwrite:
         raise UserError(f"output: {path} is there already; give overwrite=true to replace it")
+    if path.exists() and not is_exported(path):
+        raise UserError(f"output: {path} is no export of this program and stays as it is; name another file")
 
 
 @contextmanager

@@ -31,7 +31,7 @@ def begin_from(network: nn.Module, options: InitOptions, say: Callable[[str], No
     given, wanted = _tensors(options), network.state_dict()
     shared = [name for name in wanted if name in given]
     fitting = {name: given[name] for name in shared if given[name].shape == wanted[name].shape}
-    if not fitting:
+    if not any(name in fitting for name, _ in network.named_parameters()):
         raise UserError(
             f"init.checkpoint: none of the {len(given)} tensors in {options.checkpoint} fits this network; "
             "begin from a checkpoint of the same model and encoder"

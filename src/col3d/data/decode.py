@@ -15,7 +15,7 @@ from jaxtyping import UInt8
 from kornia_rs.io import decode_image_jpegturbo
 from PIL import Image
 
-from col3d.checks import DataError
+from col3d.checks import DISK_FAULTS, DataError, DiskError
 from col3d.data.tiff import TruncatedError, full_pages, has_eight_bits, is_plain_colour, open_page, read_page
 from col3d.formats import image_format
 
@@ -111,6 +111,8 @@ def refusals(path: Path) -> Iterator[None]:
     except FileNotFoundError:
         raise DataError(f"{path}: no such file; copy it again") from None
     except OSError as error:
+        if error.errno in DISK_FAULTS:
+            raise DiskError(f"{path}: cannot be read ({error.strerror})") from None
         raise _undecodable(path, error.strerror or str(error)) from None
     except Exception as error:  # decoders fail in many ways over bytes that make no sense
         raise _undecodable(path, str(error) or type(error).__name__) from None

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
-from col3d.checks import DataError
+from col3d.checks import DataError, DiskError
 from col3d.data.c3vd import C3VD
 from col3d.data.headers import read_header
 from col3d.data.photos import Photos, choose_photos, is_photo_folder, kind_by_name
@@ -49,6 +49,8 @@ class ImageFiles(ImageSource):
         for path in self.paths:
             try:
                 yield read_header(path).size_hw
+            except DiskError:
+                raise
             except DataError:
                 continue
 
@@ -56,6 +58,8 @@ class ImageFiles(ImageSource):
         for name, (number, path) in zip(self.names, self.files.items(), strict=True):
             try:
                 yield Shot(name, number, read_image(path))
+            except DiskError:
+                raise
             except DataError as error:
                 yield Shot(name, number, None, str(error))
 
