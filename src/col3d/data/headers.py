@@ -7,7 +7,7 @@ from pathlib import Path
 import tifffile
 from PIL import Image
 
-from col3d.checks import DataError
+from col3d.checks import DISK_FAULTS, DataError, DiskError
 from col3d.data.decode import (
     JPEG_END,
     PNG_END,
@@ -75,6 +75,8 @@ def read_header(path: Path) -> Header:
     except FileNotFoundError:
         raise DataError(f"{path}: no such file") from None
     except Exception as error:  # headers that make no sense fail in many ways
+        if isinstance(error, OSError) and error.errno in DISK_FAULTS:
+            raise DiskError(f"{path}: cannot be read ({error.strerror})") from None
         if "truncated" in str(error).lower():
             raise DataError(f"{path}: the file is cut off; copy it again") from None
         reason = " ".join(str(error).replace(str(path), "it").split())[:120] or type(error).__name__
