@@ -133,7 +133,10 @@ def _folder_below(path: Path) -> ImageSource:
     below = sorted(inner for inner in path.iterdir() if inner.is_dir() and not inner.name.startswith("."))
     holding = [inner for inner in below if _images(list(inner.iterdir()))]
     if not holding:
-        raise DataError(f"input: {path} holds no image ({', '.join(IMAGE_ENDINGS)}) and no video of C3VD")
+        videos = sorted(file.name for file in path.iterdir() if file.suffix.lower() in VIDEO_ENDINGS)
+        hint = f"; each of its {len(videos)} videos is an input, such as {path / videos[0]}" if videos else ""
+        endings = ", ".join(IMAGE_ENDINGS)
+        raise DataError(f"input: {path} holds no image ({endings}) and no video of C3VD{hint}")
     photos = [inner for inner in holding if not kind_by_name(inner.name)]
     called = [inner for inner in photos if is_photo_folder(inner.name)]
     chosen = called if len(called) == 1 else photos

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from PIL import Image
 
-from col3d.checks import DataError
+from col3d.checks import DataError, DiskError
 from col3d.data.containers import missing_bytes
 from col3d.data.decode import TAKEN, read_rgb8, refusals
 from col3d.data.headers import check_photo, read_header
@@ -105,6 +105,8 @@ class Pictures(ImageSource):
             name = f"{number:06d}" if self.count > 1 else self.name
             try:
                 yield Shot(name, number, read(number))
+            except DiskError:
+                raise
             except DataError as error:
                 yield Shot(name, number, None, f"{error} (picture {number + 1} of {self.count})")
 
