@@ -126,9 +126,7 @@ def test_bytes_that_containers_announce(tmp_path: Path) -> None:
 def test_a_folder_of_videos_says_what_to_name(tmp_path: Path) -> None:
     for name in ("b.mp4", "a.MP4"):
         (tmp_path / name).touch()
-    with pytest.raises(
-        DataError, match=r"holds no image .*; each of its 2 videos is an input.*a\.MP4"
-    ):
+    with pytest.raises(DataError, match=r"holds no image .*; each of its 2 videos is an input.*a\.MP4"):
         image_source(str(tmp_path))
 
 
