@@ -167,6 +167,13 @@ def test_a_true_depth_is_what_c3vd_has(tmp_path: Path) -> None:
     truth = read_truth(saved(tmp_path / "t.tiff", codes), (2, 2))
     assert truth.mask.tolist() == [[False, False], [True, True]]
     assert truth.depth[1, 0] == pytest.approx(50, abs=1e-3)
+    cv2.imwrite(str(tmp_path / "rgb.png"), np.dstack([codes] * 3))
+    np.save(tmp_path / "a.npy", codes)
+    for name in ("rgb.png", "a.npy"):
+        assert (read_truth(tmp_path / name, (2, 2)).depth == truth.depth).all()
+    np.save(tmp_path / "mm.npy", truth.depth)
+    with pytest.raises(ValueError, match=r"true depth: mm.npy: expected 16 bits a pixel as C3VD has them"):
+        read_truth(tmp_path / "mm.npy", (2, 2))
     with pytest.raises(ValueError, match=r"true depth: t.tiff: expected 3 x 2 pixels, got 2 x 2"):
         read_truth(tmp_path / "t.tiff", (3, 2))
     with pytest.raises(ValueError, match=r"true depth: b.png: expected 16 bits"):

@@ -1,6 +1,7 @@
 """Published weights scored as they are, and trained ones on other data."""
 
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -65,6 +66,16 @@ def test_a_trained_checkpoint_on_other_frames(tiny: Compose, phantom_root: Path,
     path = tmp_path / "run" / "checkpoints" / "best.ckpt"
     summary = score(path, *PHANTOM, f"data.root={phantom_root}", "data.split.test=[trans_t1_a]")
     assert summary["frames_by_split"] == {"test": 3}
+
+
+def test_a_protocol_that_counts_nothing_is_refused_before_the_first_is_scored(
+    tiny_checkpoint: Path, phantom_root: Path, tmp_path: Path
+) -> None:
+    checkpoint = shutil.copy(tiny_checkpoint, tmp_path / "best.ckpt")
+    options = ("protocol=[house,native]", "protocol.native.truth_range=[99.5,99.9]")
+    with pytest.raises(UserError, match=r"that protocol native counts, within 99\.5 and 99\.9 mm"):
+        score(checkpoint, *PHANTOM, f"data.root={phantom_root}", *options)
+    assert list(tmp_path.iterdir()) == [checkpoint]
 
 
 @pytest.mark.parametrize(

@@ -276,6 +276,18 @@ def test_a_folder_that_is_taken_is_refused_before_a_network_is_read(
         predicted(tmp_path / "any.ckpt", tmp_path / "a.png", tmp_path / "out")
 
 
+def test_a_folder_that_cannot_be_made_is_refused_before_a_network_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cv2.imwrite(str(tmp_path / "a.png"), np.zeros((64, 80, 3), np.uint8))
+    refuse_to_work(monkeypatch)
+    with pytest.raises(UserError, match=r"cannot be made, for .*a\.png is a file"):
+        predicted(tmp_path / "any.ckpt", tmp_path / "a.png", tmp_path / "a.png" / "x" / "out")
+    monkeypatch.setattr("os.access", lambda *_: False)
+    with pytest.raises(UserError, match=r"cannot be made, for nothing can be written to "):
+        predicted(tmp_path / "any.ckpt", tmp_path / "a.png", tmp_path / "out")
+
+
 def test_what_is_left_out_is_said(
     tiny_checkpoint: Path, phantom_root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

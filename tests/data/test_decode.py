@@ -1,5 +1,6 @@
 """One strict decoder: any whole image is read as OpenCV reads it, and no damaged one is, by any reader."""
 
+import errno
 import io
 from collections.abc import Callable
 from pathlib import Path
@@ -11,7 +12,7 @@ import pytest
 import tifffile
 from PIL import Image
 
-from col3d.checks import DataError
+from col3d.checks import DataError, DiskError
 from col3d.data.decode import read_rgb8, read_whole
 from col3d.data.files import check_header, read_colour
 from col3d.data.images import read_image
@@ -185,3 +186,17 @@ def test_a_data_set_takes_no_file_of_several_pictures(ending: str, tmp_path: Pat
     pages[0].save(tmp_path / f"a.{ending}", save_all=True, append_images=pages[1:])
     with pytest.raises(DataError, match=rf"a\.{ending}: expected one picture, got 2 pages or frames"):
         check_header(tmp_path / f"a.{ending}", SIZE, None, None)
+
+
+@pytest.mark.parametrize("read", [*READERS[:3], lambda path: check_header(path, SIZE, None, None)])
+def test_a_disk_that_fails_says_nothing_of_the_image(
+    read: Callable[[Path], Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = written(tmp_path, "RGB.png", WHOLE["RGB.png"])
+
+    def fail(*_: Any, **__: Any) -> None:
+        raise OSError(errno.EIO, "Input/output error", str(path))
+
+    monkeypatch.setattr(Path, "open", fail)
+    with pytest.raises(DiskError, match=r"RGB\.png: cannot be read \(Input/output error\)"):
+        read(path)

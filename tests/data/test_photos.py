@@ -19,6 +19,8 @@ def save(path: Path, kind: str = "rgb") -> Path:
     values = np.arange(SIZE[0] * SIZE[1]).reshape(SIZE)
     if kind == "rgb":
         cv2.imwrite(str(path), np.dstack([values % 200, values % 91, values % 255]).astype(np.uint8))
+    elif kind == "grey of 3":
+        cv2.imwrite(str(path), np.dstack([values % 200] * 3).astype(np.uint8))
     else:
         cv2.imwrite(str(path), values.astype({"grey": np.uint8, "16": np.uint16, "float": np.float32}[kind]))
     return path
@@ -39,7 +41,7 @@ LAYOUTS: dict[str, tuple[dict[str, str], list[str], str]] = {
     "C3VDv2": (
         {"rgb/000{}.png": "rgb", "depth/000{}_depth.tiff": "16", "normals/000{}_normals.tiff": "rgb"},
         ["0000", "0001", "0002"],
-        "",
+        "3 depth, 3 normals",
     ),
     "SimCol3D": (
         {"FrameBuffer_000{}.png": "rgb", "Depth_000{}.png": "16"},
@@ -78,6 +80,16 @@ LAYOUTS: dict[str, tuple[dict[str, str], list[str], str]] = {
         ["a0", "a1", "a2"],
         "3 of 32 bits a channel",
     ),
+    "depth in a folder of its own": (
+        {"a{}.png": "rgb", "depth/a{}.png": "16"},
+        ["a0", "a1", "a2"],
+        "3 depth",
+    ),
+    "grey of three channels by no name": (
+        {"image_{}.png": "rgb", "aov_image_{}.png": "grey of 3"},
+        ["image_0", "image_1", "image_2"],
+        "3 grey beside colours",
+    ),
     "grey by no name": ({"a{}.png": "rgb", "z{}.png": "grey"}, ["a0", "a1", "a2"], "3 grey beside colours"),
 }
 
@@ -112,6 +124,14 @@ def test_photos_of_other_names_all_count(names: list[str], tmp_path: Path) -> No
     source = image_source(str(tmp_path))
     assert sorted(path.name for path in source.paths) == sorted(names)
     assert source.notes == ()
+
+
+def test_a_black_frame_makes_no_photos_grey(tmp_path: Path) -> None:
+    for number in range(3):
+        for side in ("left", "right"):
+            save(tmp_path / f"{side}_{number}.png")
+    cv2.imwrite(str(tmp_path / "left_0.png"), np.zeros((*SIZE, 3), np.uint8))
+    assert image_source(str(tmp_path)).count == 6
 
 
 def test_grey_photos_alone_count(tmp_path: Path) -> None:
@@ -150,6 +170,18 @@ def test_depth_alone_is_refused_unless_a_pattern_asks_for_it(tmp_path: Path) -> 
     assert [path.name for path in both.paths] == ["0.png"]
     assert "2 depth" in both.notes[0]
     assert image_source(str(tmp_path / "0_depth.png")).count == 1
+
+
+def test_a_pattern_over_folders_takes_the_photos_in_them(tmp_path: Path) -> None:
+    for number in range(2):
+        for video, kind in (("a", "rgb"), ("b", "grey")):
+            save(tmp_path / video / "rgb" / f"{number}.png", kind)
+            save(tmp_path / video / "depth" / f"{number}.png", "16")
+            save(tmp_path / video / "other" / f"{number}.png", "16")
+    source = image_source(str(tmp_path / "*" / "*" / "*.png"))
+    assert [path.parent.name for path in source.paths] == ["rgb"] * 4
+    assert [path.parent.parent.name for path in source.paths] == ["a", "a", "b", "b"]
+    assert "4 depth, 4 of 16 bits a channel" in source.notes[0]
 
 
 def test_hidden_files_are_no_images(tmp_path: Path) -> None:

@@ -123,6 +123,13 @@ def test_bytes_that_containers_announce(tmp_path: Path) -> None:
         assert missing_bytes(tmp_path / "a") == missing
 
 
+def test_a_folder_of_videos_says_what_to_name(tmp_path: Path) -> None:
+    for name in ("b.mp4", "a.MP4"):
+        (tmp_path / name).touch()
+    with pytest.raises(DataError, match=r"holds no image .*; each of its 2 videos is an input.*a\.MP4"):
+        image_source(str(tmp_path))
+
+
 def animated(path: Path) -> Path:
     pictures = [Image.fromarray(frame(shade)) for shade in SHADES]
     pictures[0].save(path, save_all=True, append_images=pictures[1:], duration=40, lossless=True)

@@ -58,9 +58,10 @@ def _evaluate(options: EvaluateOptions, stop: StopSignals) -> None:
     for name in options.protocol:
         owned = Owned(_folder(options, name), KIND, "output_dir")
         owned.check(FILES)
+    for name, protocol in options.protocol.items():  # of all, before hours go into the first
+        _check_truth(subject, frames, name, protocol, options)
     for name, protocol in options.protocol.items():
         stop.release()
-        _check_truth(subject, frames, name, protocol, options)
         stored = _predicted(subject, frames, protocol.mirror, options)
         facts = facts_of(subject.name, subject.seed, subject.scored, name)
         folder, lengths = _folder(options, name), {str(options.split): len(frames)}

@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import os
 from collections import deque
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
@@ -269,6 +270,7 @@ def check_room(path: Path, options: PredictOptions, source: ImageSource) -> Owne
     """What of a folder is an earlier prediction, where nothing of others and no input would be lost."""
     if path.exists() and not path.is_dir():
         raise UserError(f"output: {path} is a file; name a folder")
+    _check_parent(path)
     owned = Owned(path, "prediction", "output")
     for part in PARTS:
         ours = any(name.split("/")[0] == part for name in owned.names)
@@ -283,6 +285,15 @@ def check_room(path: Path, options: PredictOptions, source: ImageSource) -> Owne
     if ended and not options.overwrite:  # early or not
         raise UserError(f"output: {path} holds a prediction already; name another folder or overwrite=true")
     return owned
+
+
+def _check_parent(path: Path) -> None:
+    """Refuse a folder that cannot be made, before anything is predicted for it."""
+    there = next(part for part in (path.absolute(), *path.absolute().parents) if part.exists())
+    if not there.is_dir():
+        raise UserError(f"output: {path} cannot be made, for {there} is a file; name another folder")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise UserError(f"output: {path} cannot be made, for nothing can be written to {there}")
 
 
 def _is_empty_folder(path: Path) -> bool:

@@ -49,7 +49,7 @@ def read_rgb8(path: Path, page: int = 0) -> UInt8[np.ndarray, "h w 3"]:
 
     Args:
         path: of the file.
-        page: of a TIFF that holds several.
+        page: of a TIFF, one of its `page_numbers`.
 
     Raises:
         DataError: as of `read_whole`, or it is grey of more than 8 bits; colours of 16 are reduced.

@@ -56,7 +56,7 @@ def read_depth_file(
         DataError: names the file, the rule and what came.
     """
     if is_array(path):
-        check_numbers(path, array_header(path).dtype)
+        check_depth_file(path, size_hw, channel)  # before there is memory for what it says it holds
         pixels = read_array(path)
     else:
         check_format(path)

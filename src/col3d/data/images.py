@@ -3,7 +3,8 @@
 import glob
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from col3d.checks import DataError, DiskError
@@ -109,7 +110,7 @@ def _folder(path: Path) -> ImageSource:
     """A video of a data set by the names of its files, else the photos in the folder or in one below it."""
     for color in (C3VD.kinds["color"], SimCol3D.kinds["color"]):
         if files := color.find(path):
-            others = [image for image in _images(list(path.iterdir())) if image not in files.values()]
+            others = {*_images(list(path.iterdir())), *_beside(path)} - {*files.values()}
             notes = [Photos((), _counted(others)).note(str(path))]
             return ImageFiles(path.name, dict(sorted(files.items())), is_video=True, notes=notes)
     images = _images(list(path.iterdir()))
@@ -122,9 +123,9 @@ def _folder(path: Path) -> ImageSource:
             f"input: {path} holds no photo: its {len(images)} images are {kinds} by their names; a pattern "
             f"such as {path}/*{images[0].suffix} takes them all the same"
         )
-    return ImageFiles(
-        path.name, dict(enumerate(photos.files)), is_video=False, notes=[photos.note(str(path))]
-    )
+    left_out = Counter(photos.left_out) + _counted(_beside(path))
+    notes = [Photos((), left_out).note(str(path))]
+    return ImageFiles(path.name, dict(enumerate(photos.files)), is_video=False, notes=notes)
 
 
 def _folder_below(path: Path) -> ImageSource:
@@ -132,7 +133,10 @@ def _folder_below(path: Path) -> ImageSource:
     below = sorted(inner for inner in path.iterdir() if inner.is_dir() and not inner.name.startswith("."))
     holding = [inner for inner in below if _images(list(inner.iterdir()))]
     if not holding:
-        raise DataError(f"input: {path} holds no image ({', '.join(IMAGE_ENDINGS)}) and no video of C3VD")
+        videos = sorted(file.name for file in path.iterdir() if file.suffix.lower() in VIDEO_ENDINGS)
+        hint = f"; each of its {len(videos)} videos is an input, such as {path / videos[0]}" if videos else ""
+        endings = ", ".join(IMAGE_ENDINGS)
+        raise DataError(f"input: {path} holds no image ({endings}) and no video of C3VD{hint}")
     photos = [inner for inner in holding if not kind_by_name(inner.name)]
     called = [inner for inner in photos if is_photo_folder(inner.name)]
     chosen = called if len(called) == 1 else photos
@@ -149,9 +153,14 @@ def _folder_below(path: Path) -> ImageSource:
     return source
 
 
-def _counted(paths: Sequence[Path]) -> dict[str, int]:
-    kinds = [kind_by_name(path.stem) or "others" for path in paths]
-    return {kind: kinds.count(kind) for kind in dict.fromkeys(kinds)}
+def _beside(path: Path) -> list[Path]:
+    """Images in folders below that are called as those of depth, normals and the like are."""
+    below = [inner for inner in path.iterdir() if inner.is_dir() and kind_by_name(inner.name)]
+    return [image for inner in below for image in _images(list(inner.iterdir()))]
+
+
+def _counted(paths: Iterable[Path]) -> Counter[str]:
+    return Counter(kind_by_name(path.stem) or kind_by_name(path.parent.name) or "others" for path in paths)
 
 
 def _note_of_several(paths: Sequence[Path]) -> str:

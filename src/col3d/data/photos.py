@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from col3d.checks import DataError
+from col3d.data.decode import read_rgb8
 from col3d.data.headers import Header, read_header
 
 KINDS: Mapping[str, tuple[str, ...]] = {
@@ -29,6 +30,10 @@ PHOTO_WORDS = (
     *("rgb", "color", "colour", "colors", "colours", "image", "images", "img", "imgs", "im"),
     *("frame", "frames", "framebuffer", "buffer", "photo", "photos", "left"),
 )
+MOST_FAMILIES = 12
+"""Kinds of names in a folder up to which pixels are looked at; more of them are no layout."""
+Family = tuple[Path, str, str]
+"""A folder, a name without its numbers, and an ending."""
 WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
 
 
@@ -59,6 +64,8 @@ def choose_photos(paths: Sequence[Path]) -> Photos:
         paths: in their order.
     """
     kinds = {path: kind_by_name(path.stem) for path in paths}
+    if len({path.parent for path in paths}) > 1:  # a pattern of several folders, such as `*/*/*.png`
+        kinds = {path: kind or kind_by_name(path.parent.name) for path, kind in kinds.items()}
     plain = {_key(path.stem) for path, kind in kinds.items() if not kind and MAYBE not in _words(path.stem)}
     for path, kind in kinds.items():
         if not kind and MAYBE in _words(path.stem) and _key(path.stem) in plain:
@@ -92,23 +99,42 @@ def _key(stem: str) -> str:
 
 def _kinds_by_type(paths: Sequence[Path]) -> dict[Path, str]:
     """What the pixels show to be no photos, by the first file of each family of names."""
-    families: dict[tuple[str, str], list[Path]] = {}
+    families: dict[Family, list[Path]] = {}
     for path in paths:
-        families.setdefault((re.sub(r"\d+", "#", path.stem), path.suffix), []).append(path)
+        families.setdefault((path.parent, re.sub(r"\d+", "#", path.stem), path.suffix), []).append(path)
     headers = {family: _header(members[0]) for family, members in families.items()}
-    photos = [family for family, header in headers.items() if header is not None and header.is_photo]
-    colours = [family for family in photos if _is_colour(headers[family])]
-    shown = {numbers for family in colours for numbers in _numbers(families[family])}
+    shown = [family for family, header in headers.items() if header and header.is_photo]
+    deep = {family: header for family, header in headers.items() if header and not header.is_photo}
     found: dict[Path, str] = {}
-    for family, header in headers.items():
-        if header is None or family in colours:
-            continue
-        members = families[family]
-        if not header.is_photo and photos:
-            found |= dict.fromkeys(members, f"of {header.bits} bits a channel")
-        elif header.is_photo and all(numbers and numbers in shown for numbers in _numbers(members)):
-            found |= dict.fromkeys(members, "grey beside colours")
+    if shown:
+        for family, header in deep.items():
+            found |= dict.fromkeys(families[family], f"of {header.bits} bits a channel")
+    photos = {family: families[family] for family in shown}
+    for parent in {family[0] for family in photos}:
+        found |= _grey_ones({family: members for family, members in photos.items() if family[0] == parent})
     return found
+
+
+def _grey_ones(families: Mapping[Family, Sequence[Path]]) -> dict[Path, str]:
+    """Members of grey families of a folder whose numbers are all those of photos in colour."""
+    if not 2 <= len(families) <= MOST_FAMILIES:
+        return {}
+    grey = {family for family, members in families.items() if _are_grey(members)}
+    shown = {numbers for family in families.keys() - grey for numbers in _numbers(families[family])}
+    beside = [family for family in grey if all(n and n in shown for n in _numbers(families[family]))]
+    return {path: "grey beside colours" for family in beside for path in families[family]}
+
+
+def _are_grey(paths: Sequence[Path]) -> bool:
+    """Whether the first, the middle and the last have equal channels; a photo alone may be black."""
+    for path in {paths[0], paths[len(paths) // 2], paths[-1]}:
+        try:
+            pixels = read_rgb8(path)
+        except DataError:
+            return False
+        if (pixels != pixels[..., :1]).any():
+            return False
+    return True
 
 
 def _header(path: Path) -> Header | None:
@@ -116,10 +142,6 @@ def _header(path: Path) -> Header | None:
         return read_header(path)
     except (DataError, OSError):
         return None  # what is broken is said when it is read
-
-
-def _is_colour(header: Header | None) -> bool:
-    return header is not None and (header.colours >= 3 or header.is_palette)
 
 
 def _numbers(paths: Iterable[Path]) -> list[tuple[int, ...]]:

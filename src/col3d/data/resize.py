@@ -83,17 +83,16 @@ class Resize:
 
     def _filled(self, between: Mapping[str, Tensor], whole: Mapping[str, Tensor]) -> dict[str, Tensor]:
         """The same with what the nearest known pixel says where not all four around are known."""
-        nearest = self._nearest(whole["mask"][0])
-        take = (nearest >= 0) & ~between["mask"]
-        found = {
-            "depth": torch.where(take, whole["depth"].flatten()[nearest], between["depth"]),
-            "mask": between["mask"] | take,
-        }
-        if "normals" in whole:
-            known = whole["mask"] & (whole["normals"] != 0).any(dim=0, keepdim=True)
-            nearest = self._nearest(known[0])
-            take = (nearest >= 0) & (between["normals"] == 0).all(dim=0, keepdim=True)
-            found["normals"] = torch.where(take, whole["normals"].flatten(1)[:, nearest], between["normals"])
+        found = dict(between)
+        if not bool(between["mask"].all()):
+            nearest = self._nearest(whole["mask"][0])
+            take = (nearest >= 0) & ~between["mask"]
+            found["depth"] = torch.where(take, whole["depth"].flatten()[nearest], between["depth"])
+            found["mask"] = between["mask"] | take
+        if "normals" in whole and bool((missing := (between["normals"] == 0).all(dim=0, keepdim=True)).any()):
+            nearest = self._nearest((whole["mask"] & (whole["normals"] != 0).any(dim=0, keepdim=True))[0])
+            normals = whole["normals"].flatten(1)[:, nearest]
+            found["normals"] = torch.where((nearest >= 0) & missing, normals, between["normals"])
         return found
 
     def _nearest(self, known: Bool[Tensor, "h w"]) -> Int[Tensor, "h2 w2"]:

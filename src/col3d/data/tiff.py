@@ -28,14 +28,15 @@ def open_page(path: Path, number: int = 0) -> Iterator[tifffile.TiffPage]:
 
     Args:
         path: of the file.
-        number: of the page, small copies of others not counted.
+        number: of the page, small copies of others counted.
 
     Raises:
         TruncatedError: the file is shorter than it says.
         tifffile.TiffFileError: it is none, or its header makes no sense.
     """
     with tifffile.TiffFile(path) as file:
-        page = full_pages(file)[number] if number else _first(file)
+        page = file.pages[number]
+        assert isinstance(page, tifffile.TiffPage)
         _check_directory(file, page)
         _check_segments(page, file.filehandle.size)
         yield page
@@ -45,6 +46,12 @@ def full_pages(file: tifffile.TiffFile) -> list[tifffile.TiffPage]:
     """Pages that are not small copies of others."""
     pages = [page for page in file.pages if isinstance(page, tifffile.TiffPage)]
     return [page for page in pages if not page.is_reduced] or pages[:1]
+
+
+def page_numbers(path: Path) -> list[int]:
+    """Numbers of the pages that are not small copies of others."""
+    with tifffile.TiffFile(path) as file:
+        return [page.index for page in full_pages(file)]
 
 
 def read_page(path: Path, page: tifffile.TiffPage) -> np.ndarray:
@@ -84,12 +91,6 @@ def colour_samples(page: tifffile.TiffPage) -> int:
     if page.photometric == tifffile.PHOTOMETRIC.RGB:
         return min(page.samplesperpixel, 3)
     return page.samplesperpixel - sum(int(kind) in ALPHA for kind in page.extrasamples)
-
-
-def _first(file: tifffile.TiffFile) -> tifffile.TiffPage:
-    page = file.pages[0]
-    assert isinstance(page, tifffile.TiffPage)
-    return page
 
 
 def _check_directory(file: tifffile.TiffFile, page: tifffile.TiffPage) -> None:

@@ -1,18 +1,20 @@
 """Files that hold many pictures: videos, animations, and the pages of a TIFF."""
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import cv2
 import numpy as np
 from PIL import Image
 
-from col3d.checks import DataError
+from col3d.checks import DataError, DiskError
 from col3d.data.containers import missing_bytes
 from col3d.data.decode import TAKEN, read_rgb8, refusals
 from col3d.data.headers import check_photo, read_header
 from col3d.data.sources import ImageSource, Shot, check_sides
+from col3d.data.tiff import page_numbers
 from col3d.formats import MOVING_FORMATS, image_format, open_video
 
 GIF_END = b";"
@@ -91,17 +93,25 @@ class Pictures(ImageSource):
         yield self.size_hw
 
     def __iter__(self) -> Iterator[Shot]:
+        if self.format == "TIFF":
+            pages = page_numbers(self.path)
+            yield from self._shots(lambda number: read_rgb8(self.path, pages[number]))
+        else:
+            with _opened(self.path) as image:  # once, for each frame is made of the one before
+                yield from self._shots(partial(self._frame, image))
+
+    def _shots(self, read: Callable[[int], np.ndarray]) -> Iterator[Shot]:
         for number in range(self.count):
             name = f"{number:06d}" if self.count > 1 else self.name
             try:
-                yield Shot(name, number, self._picture(number))
+                yield Shot(name, number, read(number))
+            except DiskError:
+                raise
             except DataError as error:
                 yield Shot(name, number, None, f"{error} (picture {number + 1} of {self.count})")
 
-    def _picture(self, number: int) -> np.ndarray:
-        if self.format == "TIFF":
-            return read_rgb8(self.path, number)
-        with refusals(self.path), warnings.catch_warnings(action="ignore"), _opened(self.path) as image:
+    def _frame(self, image: Image.Image, number: int) -> np.ndarray:
+        with refusals(self.path), warnings.catch_warnings(action="ignore"):
             image.seek(number)
             return np.asarray(image.convert("RGB"))
 

@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float, UInt8
 from PIL import Image
 
 from col3d.checks import DataError
+from col3d.data.arrays import is_array
 from col3d.data.c3vd import MAX_DEPTH
 from col3d.data.depth_files import read_depth_file
 from col3d.data.headers import read_header
@@ -95,16 +96,16 @@ def read_clip(path: Path, most_side: int) -> Clip:
 
 
 def read_truth(path: Path, size_hw: tuple[int, int]) -> Truth:
-    """An uploaded depth file of C3VD: one channel of 16 bits, of which 65535 is 100 mm.
+    """An uploaded depth file of C3VD: codes of 16 bits, of which 65535 is 100 mm.
 
     Args:
-        path: a PNG or TIFF.
+        path: an image or an array, see `col3d.data.depth_files`.
         size_hw: of the image that it belongs to.
 
     Raises:
         DataError: it is something else, or of another size.
     """
-    _check_image(path)
+    _check_bytes(path) if is_array(path) else _check_image(path)
     try:
         codes = read_depth_file(path, size_hw)
     except DataError as error:
