@@ -160,6 +160,8 @@ class StoredVideo:
         """Fields that differ from those of a recipe, or nothing."""
         wanted = recipe.plain()
         names = [name for name in wanted if self.recipe.get(name) != wanted[name]]
+        if "normals" in names:  # the rule follows from them
+            names = [name for name in names if name != "resize"]
         return ", ".join(self._difference(name, wanted[name]) for name in names)
 
     def _difference(self, name: str, wanted: Any) -> str:
