@@ -1,15 +1,18 @@
 """Images of any source come in their order, under names of their own, and what is broken is said."""
 
+import errno
+import os
 import threading
 from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from col3d.checks import DataError
+from col3d.checks import DataError, DiskError
 from col3d.data.ahead import ahead
 from col3d.data.encode import depth_codes, normal_codes, write_tiff
 from col3d.data.files import read_grey, read_rgb
@@ -128,3 +131,27 @@ def test_codes_are_those_of_the_current_release(tmp_path: Path) -> None:
     assert (read_grey(tmp_path / "d.tiff", (4, 6), np.uint16) == np.arange(24).reshape(4, 6)).all()
     back = house_normals(read_rgb(tmp_path / "n.tiff", (4, 6), np.uint16), "current").permute(1, 2, 0)
     assert np.abs(back.numpy() - normals).max() < 1e-4
+
+
+@pytest.mark.parametrize("number", [errno.EIO, errno.ESTALE, errno.EACCES])
+def test_a_disk_that_fails_is_no_broken_image(
+    number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("a.png", "b.png"):
+        save(tmp_path / name)
+    source = image_source(str(tmp_path))
+    opened, reason = Path.open, os.strerror(number)
+
+    def fails(self: Path, *mode: Any, **options: Any) -> Any:
+        if self.name == "b.png":
+            raise OSError(number, reason)
+        return opened(self, *mode, **options)
+
+    monkeypatch.setattr(Path, "open", fails)
+    if number == errno.EACCES:  # of the one file
+        first, second = source
+        assert first.image is not None
+        assert (second.image, reason in second.fault) == (None, True)
+        return
+    with pytest.raises(DiskError, match=rf"^{tmp_path / 'b.png'}: cannot be read \({reason}\)"):
+        list(source)
