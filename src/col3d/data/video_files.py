@@ -45,7 +45,9 @@ class VideoFile(ImageSource):
         decoded, _ = capture.read()  # an AVIF, say, opens without a decoder for what is in it
         capture.release()
         if not decoded:
-            raise DataError(f"{path}: no frame of it can be decoded; {TAKEN}")
+            missing = missing_bytes(path)
+            why = f"the file is cut off: {missing} bytes are missing" if missing else f"of images {TAKEN}"
+            raise DataError(f"{path}: no frame of it can be decoded; {why}")
 
     def sizes(self) -> Iterator[tuple[int, int]]:
         """The one of all frames."""
