@@ -1,6 +1,7 @@
 """Paths and names on the command line reach a program as they are typed, whatever Hydra's grammar is."""
 
 import re
+from collections.abc import Collection
 
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
@@ -18,6 +19,10 @@ MAY_BE_NULL = (
     "camera",
 )
 SWEEPS = ("-m", "--multirun", "hydra.mode=MULTIRUN")
+QUOTED = r"""(?:"(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*')"""
+ENTRY = re.compile(rf"\s*(?:({QUOTED})\s*(?=,|$)|([^,]*))")
+LISTS = re.compile(r"\[[^\[\]]*\](,\s*\[[^\[\]]*\])+")
+SEARCHED = re.compile(r"(choice|range|interval|glob|shuffle|sort|tag)\(.*\)")
 
 
 def as_typed(arguments: list[str], config_name: str) -> list[str]:
@@ -32,16 +37,39 @@ def as_typed(arguments: list[str], config_name: str) -> list[str]:
 def _as_typed(argument: str, config_name: str, sweep: bool) -> str:
     option, equals, value = argument.partition("=")
     name = option.lstrip("+")
-    if not equals or _is_quoted(value) or "${" in value or (sweep and "," in value):
+    if not equals or _is_quoted(value) or "${" in value or (sweep and SEARCHED.fullmatch(value)):
         return argument
     if NAMES.fullmatch(name) and value.startswith("[") and value.endswith("]"):
-        names = value[1:-1].split(",")
-        return f"{option}=[{','.join(_quoted_if_needed(entry.strip()) for entry in names)}]"
+        several = sweep and LISTS.fullmatch(value)
+        lists = re.split(r"\],\s*\[", value[1:-1]) if several else [value[1:-1]]
+        return f"{option}={','.join(f'[{_each_quoted(names)}]' for names in lists)}"
     if not PATHS.fullmatch(name) or (config_name, name) in NO_PATHS:
         return argument
-    if (value in ("", "null") and name in MAY_BE_NULL) or (name == "camera" and value.startswith("[")):
+    nullable = name in MAY_BE_NULL
+    if (value in ("", "null") and nullable) or (name == "camera" and value.startswith("[")):
         return argument
+    if sweep and "," in value:
+        return f"{option}={_each_quoted(value, ('null',) if nullable else ())}"
     return f"{option}={_quoted_if_needed(value)}"
+
+
+def _each_quoted(values: str, as_they_are: Collection[str] = ()) -> str:
+    return ",".join(
+        entry if entry in as_they_are else _quoted_if_needed(entry) for entry in separated(values)
+    )
+
+
+def separated(values: str) -> list[str]:
+    """What commas separate, those inside of a quoted value aside.
+
+    >>> separated("001, it's, 'b, c'")
+    ['001', "it's", "'b, c'"]
+    """
+    entries, start = [], 0
+    while start <= len(values) and (match := ENTRY.match(values, start)):
+        entries.append((match[1] or match[2]).strip())
+        start = match.end() + 1
+    return entries
 
 
 def quoted(value: str) -> str:

@@ -84,6 +84,60 @@ def test_commas_separate_in_a_sweep() -> None:
     assert as_typed(sweep, "train") == ["-m", "model.pretrained=none,imagenet", 'data.root="/a/b (1)"']
 
 
+def swept(argument: str) -> list[object]:
+    (override,) = OverridesParser.create().parse_overrides([argument])
+    assert override.is_sweep_override()
+    return [read_back(f"x={entry}") for entry in override.sweep_string_iterator()]
+
+
+@pytest.mark.parametrize("typed", ["['c,d']", '["c,d"]', '[a, "c,d", it\'s, null]', "[it's,no]"])
+def test_a_comma_inside_of_a_quoted_name_is_of_the_name(typed: str) -> None:
+    (argument,) = as_typed([f"data.split.test={typed}"], "train")
+    names = {"['c,d']": ["c,d"], '["c,d"]': ["c,d"], "[it's,no]": ["it's", "no"]}
+    came = OmegaConf.create({"x": read_back(argument)})["x"]
+    assert came == names.get(typed, ["a", "c,d", "it's", "null"])
+
+
+def test_an_empty_list_of_names_stays_empty() -> None:
+    assert as_typed(["data.split.test=[]"], "train") == ["data.split.test=[]"]
+
+
+@pytest.mark.parametrize(
+    ("typed", "expected"),
+    [
+        ("[001,1e5],[null,true]", [["001", "1e5"], ["null", "true"]]),
+        ("[a b],[it's, 7]", [["a b"], ["it's", "7"]]),
+    ],
+)
+def test_names_of_lists_in_a_sweep_stay_names(typed: str, expected: list[list[str]]) -> None:
+    _, argument = as_typed(["-m", f"data.split.train={typed}"], "train")
+    assert [OmegaConf.create({"x": names})["x"] for names in swept(argument)] == expected
+
+
+def test_one_list_of_names_in_a_sweep_is_one_value() -> None:
+    _, argument = as_typed(["-m", "data.split.train=[001,1e5,null]"], "train")
+    assert OmegaConf.create({"x": read_back(argument)})["x"] == ["001", "1e5", "null"]
+
+
+@pytest.mark.parametrize(
+    ("typed", "expected"),
+    [
+        ("data.root=/a (1),/b=c,007", ["/a (1)", "/b=c", "007"]),
+        ("data.root=1e5,null", ["1e5", "null"]),
+        ("init.checkpoint=null,/x y.ckpt", [None, "/x y.ckpt"]),
+        ("data.root='/a,b',/c", ["/a,b", "/c"]),
+    ],
+)
+def test_paths_in_a_sweep_stay_paths(typed: str, expected: list[str | None]) -> None:
+    _, argument = as_typed(["-m", typed], "train")
+    assert swept(argument) == expected
+
+
+def test_searches_of_a_sweep_are_left_as_they_are() -> None:
+    argument = "data.root=choice(/a,/b)"
+    assert as_typed(["-m", argument], "train") == ["-m", argument]
+
+
 @pytest.mark.parametrize("argument", ["seed=a(1)", "model.encoder=Müller", "preset=#1"])
 def test_what_cannot_be_read_is_shown_quoted_rightly(argument: str) -> None:
     with pytest.raises(OverrideParseException) as error:

@@ -202,3 +202,11 @@ def test_a_broken_page_is_named_and_the_others_are_taken(tmp_path: Path) -> None
     assert len(faults) == 1
     assert faults[0].startswith(f"{path}: cannot be decoded")
     assert faults[0].endswith("(picture 3 of 5)")
+
+
+def test_a_video_without_a_frame_that_decodes_is_refused_by_name(tmp_path: Path) -> None:
+    """An AVIF is one: OpenCV opens it as a video and then has no decoder for it."""
+    path = tmp_path / "photo.avif"
+    Image.new("RGB", (64, 48)).save(path)
+    with pytest.raises(DataError, match=r"photo\.avif: no frame of it can be decoded"):
+        image_source(str(path))

@@ -27,7 +27,7 @@ class VideoFile(ImageSource):
     length and a rate, which need not be the same throughout.
 
     Raises:
-        DataError: it cannot be opened.
+        DataError: it cannot be opened, or not even its first frame decoded.
     """
 
     is_video = True
@@ -42,7 +42,12 @@ class VideoFile(ImageSource):
         check_sides(path, *self.size_hw)
         self.fps = capture.get(cv2.CAP_PROP_FPS) or None
         self.count = max(int(capture.get(cv2.CAP_PROP_FRAME_COUNT)), 0)
+        decoded, _ = capture.read()  # an AVIF, say, opens without a decoder for what is in it
         capture.release()
+        if not decoded:
+            missing = missing_bytes(path)
+            why = f"the file is cut off: {missing} bytes are missing" if missing else f"of images {TAKEN}"
+            raise DataError(f"{path}: no frame of it can be decoded; {why}")
 
     def sizes(self) -> Iterator[tuple[int, int]]:
         """The one of all frames."""
