@@ -124,3 +124,22 @@ def test_a_single_frame_has_nothing_to_be_held_against(
 ) -> None:
     fused(Path(f"{video}:0-0"), tmp_path / "out")
     assert "note: no two frames see the same" in capsys.readouterr().out
+
+
+def test_poses_that_stand_still_explain_nothing(
+    video: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    poses = frames_of(video).poses(VIDEO).numpy()
+    save(video, np.repeat(poses[:1], len(poses), axis=0))
+    fused(video, tmp_path / "out")
+    assert "the poses explain nothing of what changes" in capsys.readouterr().out
+
+
+def test_poses_of_other_forms_are_refused_in_a_line(video: Path, tmp_path: Path) -> None:
+    lines = (video / "pose.txt").read_text().splitlines()
+    (video / "pose.txt").write_text("\n".join(",".join(line.split(",")[:12]) for line in lines))
+    with pytest.raises(UserError, match=r"got 3 lines of 12; append 0,0,0,1 to lines of 12"):
+        fused(video, tmp_path / "out")
+    (video / "pose.txt").unlink()
+    with pytest.raises(UserError, match=r"pose\.txt: no such file; the poses of a video are in it"):
+        fused(video, tmp_path / "out")

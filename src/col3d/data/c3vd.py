@@ -174,11 +174,17 @@ class C3VD(FrameSet):
         if folder is None:
             raise DataError(f"{self.root / video}: no such video")
         path = folder / "pose.txt"
+        if not path.is_file():
+            raise DataError(f"{path}: no such file; the poses of a video are in it, a line a frame")
         try:
             lines = path.read_text(encoding="utf-8").rstrip().splitlines()
             rows = [[float(number) for number in line.split(",")] for line in lines]
-            if {len(row) for row in rows} != {16}:
-                raise ValueError(f"got {len(rows)} lines of {sorted({len(row) for row in rows})}")
+            if (lengths := {len(row) for row in rows}) != {16}:
+                found = ", ".join(map(str, sorted(lengths)))
+                raise ValueError(
+                    f"got {len(rows)} lines of {found}; append 0,0,0,1 to lines of 12, and turn quaternions "
+                    "into rotations"
+                )
             poses = camera_to_world(np.array(rows))
             turns = poses[:, :3, :3]
             off = np.abs(turns @ turns.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))

@@ -28,6 +28,8 @@ BETTER, NOISE = 3.0, 0.01
 """How many times nearer, and by how many mm beyond that, another reading has to come to be the right one."""
 ALIKE = 1.1
 """Readings within this factor of the best one are as good; the one that changes least is taken."""
+IDLE = 0.7
+"""Share of what stays apart without any motion, above which poses explain nothing."""
 AUTO = "auto"
 
 Poses = Float64[np.ndarray, "n 4 4"]
@@ -120,9 +122,28 @@ def find_reading(frames: FrameSet, stored: Poses, asked: Mapping[str, str | int]
         right = next(reading for reading in readings if errors[reading] <= ALIKE * best)
     if any(value not in (AUTO, getattr(right, name)) for name, value in asked.items()):
         raise DataError(f"{_said(errors[usual])}; {usual.differs(right)} brings it within {_mm(best)}")
-    apart, instead = errors[right], "" if right == usual else f" instead of {_mm(errors[usual])}"
-    note = f"pose.txt is read with {given.differs(right)}: depth carried from frame to frame is then "
-    return PosesFound(right, apart, f"{note}{_mm(apart)} apart{instead}" if right != given else "")
+    return PosesFound(right, errors[right], _note(given, right, errors, usual, unmoved))
+
+
+def _note(
+    given: PoseReading,
+    right: PoseReading,
+    errors: Mapping[PoseReading, float],
+    usual: PoseReading,
+    unmoved: float,
+) -> str:
+    """What depth has decided, or that it bears nothing out."""
+    apart = errors[right]
+    if apart > IDLE * unmoved + NOISE:
+        return (
+            f"{_said(apart)}, {_mm(unmoved)} if the camera had stood still: the poses explain nothing of "
+            "what changes, and the surface is as wrong as they are"
+        )
+    if right == given:
+        return ""
+    instead = "" if right == usual else f" instead of {_mm(errors[usual])}"
+    read = f"pose.txt is read with {given.differs(right)}"
+    return f"{read}: depth carried from frame to frame is then {_mm(apart)} apart{instead}"
 
 
 def _measured(
