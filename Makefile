@@ -38,7 +38,7 @@ phantom: $(READY)  ## Render the colon that training uses when there is no C3VD
 	$(BIN)/python prepare.py data=phantom $(ARGS)
 
 train: $(READY)  ## Train and evaluate Col3D-MTL on the phantom (ARGS="key=value ..." changes options)
-	$(BIN)/python train.py model=col3d_mtl $(ARGS)
+	$(BIN)/python train.py $(ARGS)
 
 app: $(READY)  ## Open the newest trained network as a page in the browser, on this machine alone
 	$(BIN)/python app.py $(ARGS)

@@ -58,7 +58,7 @@ def _unknown_option(option: str, config_name: str) -> str:
 def _unknown_choice(choice: str, config_name: str) -> str:
     group, _, name = choice.rpartition("/")
     known = names_in(group)
-    return f"{group}: {name!r} is unknown{nearest_name(name, known)} Known: {', '.join(known)}"
+    return f"{group}: {name!r} is unknown{nearest_name(name, known)}; known: {', '.join(known)}"
 
 
 def _missing_value(option: str, config_name: str) -> str:

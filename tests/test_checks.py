@@ -28,7 +28,7 @@ def test_no_hint_where_nothing_is_near() -> None:
 
 def test_known_names_may_come_from_a_generator() -> None:
     assert check_known("model", "bts", (name for name in NAMES)) == "bts"
-    with pytest.raises(ValueError, match="Known: bts, bts_cbam, newcrfs"):
+    with pytest.raises(ValueError, match="known: bts, bts_cbam, newcrfs"):
         check_known("model", "other", (name for name in NAMES))
 
 

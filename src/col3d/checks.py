@@ -74,4 +74,4 @@ def check_known(argument: str, name: str, known: Iterable[str]) -> str:
     known = list(known)
     if name in known:
         return name
-    raise ValueError(f"{argument}: {name!r} is unknown{nearest_name(name, known)} Known: {', '.join(known)}")
+    raise ValueError(f"{argument}: {name!r} is unknown{nearest_name(name, known)}; known: {', '.join(known)}")

@@ -90,7 +90,8 @@ def camera_at(lens: Camera, size_hw: tuple[int, int]) -> Camera:
     if abs(height * full_width / (width * full_height) - 1) > SQUEEZE:
         raise DataError(
             f"camera: the lens is of {full_height} x {full_width} pixels and the image of {height} x "
-            f"{width}, which is no enlargement of that; give the camera of these images"
+            f"{width}, which is no enlargement of that; give the camera of these images: "
+            "[fx,fy,cx,cy], a file, or none"
         )
     return lens.resized(size_hw)
 

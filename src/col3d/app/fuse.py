@@ -196,6 +196,11 @@ def _poses(frames: C3VD, options: PoseOptions) -> dict[int, np.ndarray]:
         reading = found.reading
         if found.note:
             print(f"note: {found.note}", flush=True)
+    if not frames.with_truth:
+        print(
+            "note: without true depth nothing bears the poses out; they are read as C3VD's, or as said",
+            flush=True,
+        )
     poses = reading.camera_to_world(stored)
     placed = {frame.number: reading.of_frame(poses, frame.number) for frame in frames.frames}
     return {number: pose for number, pose in placed.items() if pose is not None}
