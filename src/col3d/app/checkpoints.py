@@ -50,17 +50,12 @@ def _cause(error: BaseException, path: Path) -> BaseException:
     return error
 
 
-def check_bytes(path: Path) -> None:
+def _check_sums(path: Path, file: BinaryIO) -> None:
     """Hold every byte of a checkpoint against the sums that are stored with it.
 
     Raises:
         DamagedError: the file is not as it was saved.
     """
-    with path.open("rb", buffering=BUFFER) as file:
-        _check_sums(path, file)
-
-
-def _check_sums(path: Path, file: BinaryIO) -> None:
     with _named_damage(path), zipfile.ZipFile(file) as archive:
         if (damaged := archive.testzip()) is not None:
             raise DamagedError(f"{path}: {damaged} in it has changed")

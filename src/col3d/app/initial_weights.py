@@ -10,9 +10,7 @@ from col3d.app.config import InitOptions
 from col3d.app.learnt import published_network, read_file
 from col3d.checks import UserError
 from col3d.layers.weight_file import check_finite
-
-OURS = "network."
-"""What names of a network's tensors start with in checkpoints of train.py."""
+from col3d.models.published import OURS
 
 
 def begin_from(network: nn.Module, options: InitOptions, say: Callable[[str], None] = print) -> None:

@@ -44,7 +44,10 @@ def check_truth(
                 f"data.split.{part}: none of its {_length(of_source)} frames in {source.root} has a pixel of "
                 f"valid depth{within}: nothing can be {what}{_depth_there(of_source, source)}"
             )
-        if learns_normals and part == "train" and "normals" in frame and not _has_normals(of_source):
+        taught = learns_normals and part == "train" and "normals" in frame
+        if taught and not (
+            _knows_normals(frame) or any(_knows_normals(of_source[i]) for i in range(_length(of_source)))
+        ):
             raise UserError(
                 f"data.split.train: none of its {_length(of_source)} frames in {source.root} has a pixel of "
                 f"known normals (data.normals={source.normals}), which this loss learns from; take a data "
@@ -108,7 +111,11 @@ def _depth_there(frames: Frames, source: SourceOptions) -> str:
 
 
 def _has_normals(frames: Frames) -> bool:
-    return any(bool((frames[index]["normals"] != 0).any()) for index in range(_length(frames)))
+    return any(_knows_normals(frames[index]) for index in range(_length(frames)))
+
+
+def _knows_normals(frame: Mapping[str, Any]) -> bool:
+    return bool((frame["normals"] != 0).any())
 
 
 def _shares(frames: SizedFrames, frame: Mapping[str, Any]) -> str:

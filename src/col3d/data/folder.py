@@ -11,8 +11,8 @@ from torch import Tensor
 
 from col3d.checks import DataError
 from col3d.data.depth_files import check_depth_file, read_depth_file
-from col3d.data.frame_files import Kind, Twice, refuse_twice
-from col3d.data.frame_pairing import labelled, pair
+from col3d.data.frame_files import Kind, Twice, labelled, refuse_twice
+from col3d.data.frame_pairing import LABEL, pair
 from col3d.data.frames import Depth, FrameSet, check_root, named
 from col3d.geometry.camera_file import read_camera
 
@@ -88,7 +88,7 @@ class FolderFrames(FrameSet):
             yield from deeper or [path]
 
     def _has_images(self, folder: Path) -> bool:
-        return next(labelled(folder, self.kinds["color"].name), None) is not None
+        return next(labelled(folder, self.kinds["color"].name, LABEL), None) is not None
 
     def files(
         self, folder: Path, kinds: Sequence[str], twice: Twice = refuse_twice
@@ -98,7 +98,10 @@ class FolderFrames(FrameSet):
         Raises:
             DataError: they cannot be paired.
         """
-        images, depths = (dict(labelled(folder, self.kinds[kind].name)) for kind in ("color", "depth"))
+        images, depths = (
+            {label: path for path, label in labelled(folder, self.kinds[kind].name, LABEL)}
+            for kind in ("color", "depth")
+        )
         paired = pair(folder, images, depths, self.depth_offset, self.stamp_tolerance, twice)
         if paired.note:
             self.notes[folder] = paired.note

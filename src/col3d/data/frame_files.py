@@ -1,7 +1,7 @@
 """Files of a video by kind and number, and the frames that they make up."""
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -59,23 +59,35 @@ class Kind:
         Raises:
             DataError: two files have the same number, unless `twice` takes it.
         """
-        found: dict[int, Path] = {}
-        for number, path in (file for name in (self.name, *self.others) for file in _files(folder, name)):
-            first = found.setdefault(number, path)
-            if first != path:
-                named = first.relative_to(folder).as_posix()
-                twice(number, f"{path}: the same frame as {named}; keep one of them")
-        return found
+        names = (self.name, *self.others)
+        return by_number(folder, (file for name in names for file in sorted(labelled(folder, name))), twice)
 
 
-def _files(folder: Path, name: str) -> Iterator[tuple[int, Path]]:
-    """Files of a name with {} for their number, which they are given with."""
+def labelled(folder: Path, name: str, label: str = r"\d+") -> Iterator[tuple[Path, str]]:
+    """Files of a name with {} for a label, each with its label as it is written.
+
+    Args:
+        folder: of the video.
+        name: path in it.
+        label: pattern of what stands for {}.
+    """
     place = folder / Path(name).parent
     before, after = (re.escape(part) for part in Path(name).name.split("{}"))
-    pattern = re.compile(rf"{before}(\d+){after}")
-    for path in sorted(place.iterdir()) if place.is_dir() else ():
+    pattern = re.compile(rf"{before}({label}){after}")
+    for path in place.iterdir() if place.is_dir() else ():
         if match := pattern.fullmatch(path.name):
-            yield int(match.group(1)), path
+            yield path, match.group(1)
+
+
+def by_number(folder: Path, files: Iterable[tuple[Path, str]], twice: Twice) -> dict[int, Path]:
+    """Files by the number that their label is, the first of each number; `twice` is told of others."""
+    found: dict[int, Path] = {}
+    for path, label in files:
+        first = found.setdefault(int(label), path)
+        if first != path:
+            named = first.relative_to(folder).as_posix()
+            twice(int(label), f"{path}: the same frame as {named}; keep one of them")
+    return found
 
 
 @dataclass(frozen=True)

@@ -1,19 +1,20 @@
 """Images and depth of a folder, paired by number, by numbers that begin elsewhere, or by time stamp."""
 
-import re
 from bisect import bisect_left
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
 
 from col3d.checks import DataError
-from col3d.data.frame_files import Twice
+from col3d.data.frame_files import Twice, by_number
 
 SECONDS_DIGITS = 10
 """Digits of a time stamp in whole seconds since 1970; longer ones count milli-, micro- or nanoseconds."""
 FIRST_NUMBERS = {0, 1}
 """Where two numberings that differ by one may begin."""
+LABEL = r"\d+(?:\.\d+)?"
+"""Of a file: a number or a time stamp."""
 IN_ORDER = "{}: frames are numbered in the order of their time stamps"
 Labels = Mapping[str, Path]
 
@@ -31,16 +32,6 @@ class Paired:
     images: dict[int, Path]
     depths: dict[int, Path]
     note: str = ""
-
-
-def labelled(folder: Path, name: str) -> Iterator[tuple[str, Path]]:
-    """Files of a name with {} for a number or a time stamp, which they are given with as it is written."""
-    place = folder / Path(name).parent
-    before, after = (re.escape(part) for part in Path(name).name.split("{}"))
-    pattern = re.compile(rf"{before}(\d+(?:\.\d+)?){after}")
-    for path in place.iterdir() if place.is_dir() else ():
-        if match := pattern.fullmatch(path.name):
-            yield match.group(1), path
 
 
 def pair(
@@ -64,29 +55,21 @@ def pair(
     if any("." in label for label in images):
         order = {label: number for number, label in enumerate(sorted(images, key=Decimal))}
         numbers = [{order[label]: path for label, path in files.items()} for files in (images, depths)]
-        return Paired(
-            numbers[0], numbers[1], f"{folder}: frames are numbered in the order of their time stamps"
-        )
-    by_number = _by_number(images, twice), _by_number(depths, twice)
-    shift = offset if offset is not None else _shift(folder, *by_number)
-    shifted = {number - shift: path for number, path in by_number[1].items()}
+        return Paired(numbers[0], numbers[1], IN_ORDER.format(folder))
+    seen, known = (
+        by_number(folder, sorted((path, label) for label, path in files.items()), twice)
+        for files in (images, depths)
+    )
+    shift = offset if offset is not None else _shift(folder, seen, known)
+    shifted = {number - shift: path for number, path in known.items()}
     if not shift or offset is not None:
-        return Paired(by_number[0], shifted)
-    first = f"depth {min(by_number[1])} is of image {min(by_number[0])}"
-    return Paired(by_number[0], shifted, f"{folder}: {first} (data.layout.depth_offset={shift})")
+        return Paired(seen, shifted)
+    first = f"depth {min(known)} is of image {min(seen)}"
+    return Paired(seen, shifted, f"{folder}: {first} (data.layout.depth_offset={shift})")
 
 
 def _is_stamp(label: str) -> bool:
     return "." in label or len(label.lstrip("0")) >= SECONDS_DIGITS
-
-
-def _by_number(files: Labels, twice: Twice) -> dict[int, Path]:
-    found: dict[int, Path] = {}
-    for label, path in sorted(files.items(), key=lambda item: item[1]):
-        first = found.setdefault(int(label), path)
-        if first != path:
-            twice(int(label), f"{path}: the same frame as {first.name}; keep one of them")
-    return found
 
 
 def _shift(folder: Path, images: Mapping[int, Path], depths: Mapping[int, Path]) -> int:
