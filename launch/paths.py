@@ -1,7 +1,7 @@
 """Paths and names on the command line reach a program as they are typed, whatever Hydra's grammar is."""
 
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
@@ -32,6 +32,21 @@ def as_typed(arguments: list[str], config_name: str) -> list[str]:
     """
     sweep = any(word in arguments for word in SWEEPS)
     return [_as_typed(argument, config_name, sweep) for argument in arguments]
+
+
+def quoted_again(overrides: Sequence[str]) -> list[str]:
+    """Overrides of Hydra's sweeper, which has backslashes in names, in the quotes of a command line."""
+    return [_quoted_again(override) for override in overrides]
+
+
+def _quoted_again(override: str) -> str:
+    option, _, value = override.partition("=")
+    name = option.lstrip("+")
+    if "\\" not in value or not (NAMES.fullmatch(name) or PATHS.fullmatch(name)):
+        return override
+    read = OverridesParser.create().parse_override(override).value()
+    names = ",".join(quoted(str(entry)) for entry in read) if isinstance(read, list) else None
+    return f"{option}={quoted(str(read)) if names is None else f'[{names}]'}"
 
 
 def _as_typed(argument: str, config_name: str, sweep: bool) -> str:

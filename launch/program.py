@@ -28,7 +28,7 @@ from col3d.reports.summary import write_json
 from launch.choices import as_groups, check_choices
 from launch.files import CONF
 from launch.overview import look_over
-from launch.paths import as_typed
+from launch.paths import as_typed, quoted_again
 from launch.refusals import explain, refuse
 
 BAD_INPUT = (DataError, UserError, OSError)
@@ -110,7 +110,7 @@ def _by_itself(config_name: str) -> Iterator[None]:
     before = {name: os.environ.get(name) for name in PROCESSES}
     if hydra.mode == RunMode.MULTIRUN:
         program = str(CONF.parent / f"{config_name}.py")
-        sys.argv = [program, *hydra.overrides.task, "hydra.mode=RUN", f"hydra.run.dir={folder}"]
+        sys.argv = [program, *quoted_again(hydra.overrides.task), "hydra.mode=RUN", f"hydra.run.dir={folder}"]
         with read_write(hydra.run):  # type: ignore[arg-type]
             hydra.run.dir = folder
     try:

@@ -49,6 +49,16 @@ SCENES = {"plane": plane, "frontal": frontal, "sphere": sphere, "tube": tube}
 Look = Callable[[str, Tensor], tuple[Tensor, Tensor, Tensor]]
 
 
+@pytest.fixture(autouse=True)
+def environment() -> Iterator[None]:
+    """What a test sets, such as Lightning's seed, is not handed to the programs that later tests start."""
+    before = dict(os.environ)
+    yield
+    for name in {*os.environ} - {*before}:
+        del os.environ[name]
+    os.environ.update(before)
+
+
 @pytest.fixture(scope="session")
 def look() -> Look:
     """(scene, rays (3, h, w)) -> depth (1, 1, h, w), normals (1, 3, h, w) in float64, mask of 1..100 mm."""

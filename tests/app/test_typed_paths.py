@@ -14,8 +14,9 @@ from pydantic import BaseModel
 from col3d.app import config
 from launch import composed
 from launch.files import CONF
-from launch.paths import MAY_BE_NULL, NAMES, PATHS, as_typed, quoted
+from launch.paths import MAY_BE_NULL, NAMES, PATHS, as_typed, quoted, quoted_again
 from launch.refusals import explain
+from launch.sweeps import jobs_of
 
 NASTY = " ()[]{}=,#&~:;'\"\\$%@!?*+-^`|<>äß鏡0e1._"
 TYPED = (
@@ -131,6 +132,20 @@ def test_one_list_of_names_in_a_sweep_is_one_value() -> None:
 def test_paths_in_a_sweep_stay_paths(typed: str, expected: list[str | None]) -> None:
     _, argument = as_typed(["-m", typed], "train")
     assert swept(argument) == expected
+
+
+@pytest.mark.parametrize("value", TYPED)
+def test_a_job_of_a_sweep_that_starts_a_process_of_its_own_hands_on_what_was_typed(value: str) -> None:
+    """Hydra's sweeper writes overrides with backslashes, where a command line has quotes."""
+    typed = as_typed(
+        ["-m", f"data.root={quoted(value)}", f"data.split.test=[{quoted(value)},a:0-2]"], "train"
+    )
+    swept = OverridesParser.create().parse_overrides([*typed[1:], "seed=0,1"])
+    jobs = jobs_of({}, swept)
+    assert len(jobs) == 2
+    for job in jobs:
+        root, test, _ = as_typed(quoted_again(job), "train")
+        assert (read_back(root), read_back(test)) == (value, [value, "a:0-2"])
 
 
 def test_searches_of_a_sweep_are_left_as_they_are() -> None:

@@ -4,9 +4,12 @@ import errno
 import json
 import os
 import shutil
+import signal
 from collections.abc import Callable
 from contextlib import suppress
+from multiprocessing import util
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -96,3 +99,25 @@ def test_a_worker_that_the_system_ended_is_a_line() -> None:
     with pytest.raises(UserError, match=r"^prepare: the system ended a worker, .* workers=\.\.\.") as raised:
         in_processes(killed, [(0,), (1,), (2,)], "prepare", 3, workers=2, progress=False)
     assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize("process", [1, 2])
+def test_ctrl_c_while_a_worker_starts_is_heard_of_it_alone(
+    process: int, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """It comes when the worker runs and waits to hear what it is to do."""
+    started, start = [], util.spawnv_passfds
+
+    def interrupted(program: Any, command: list[str], *given: Any) -> int:
+        number = start(program, command, *given)
+        if "--multiprocessing-fork" in command:
+            started.append(number)
+            if len(started) == process:
+                os.kill(os.getpid(), signal.SIGINT)
+        return number
+
+    monkeypatch.setattr(util, "spawnv_passfds", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        in_processes(killed, [(0,), (2,)], "prepare", 2, workers=2, progress=False)
+    assert len(started) == 2
+    assert capfd.readouterr().err == ""

@@ -1,5 +1,6 @@
 """The smallest networks that learn against each other; as a program, two processes train them together."""
 
+import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -8,7 +9,7 @@ from typing import Any
 import torch
 from lightning import Callback, Trainer
 from torch import Tensor, nn
-from torch.utils.data import DataLoader
+from torch.utils.data import DataLoader, DistributedSampler
 
 from col3d.batch import Prediction
 from col3d.losses import WeightedLoss
@@ -86,16 +87,23 @@ def fit(
     *callbacks: Callback,
     batch_size: int = 2,
     ckpt_path: Path | None = None,
+    sampler: DistributedSampler[Any] | None = None,
     **options: Any,
 ) -> Trainer:
     trainer = Trainer(**QUIET | {"max_epochs": 1, "callbacks": list(callbacks)} | options)
-    loader: DataLoader[Any] = DataLoader(frames(), batch_size=batch_size)  # type: ignore[arg-type]
+    loader: DataLoader[Any] = DataLoader(frames(), batch_size=batch_size, sampler=sampler)  # type: ignore[arg-type]
     trainer.fit(task, loader, loader, ckpt_path=ckpt_path, weights_only=True)
     return trainer
 
 
 if __name__ == "__main__":
-    task = tiny_task()
-    trainer = fit(task, batch_size=1, devices=2, strategy="ddp_find_unused_parameters_true")
+    task, rank = tiny_task(), int(os.environ.get("LOCAL_RANK", "0"))
+    in_turn: DistributedSampler[Any] = DistributedSampler(frames(), 2, rank, shuffle=False)  # type: ignore[arg-type]
+    ddp: dict[str, Any] = {
+        "devices": 2,
+        "strategy": "ddp_find_unused_parameters_true",
+        "use_distributed_sampler": False,
+    }
+    trainer = fit(task, batch_size=1, sampler=in_turn, **ddp)
     if trainer.is_global_zero:
         torch.save(task.state_dict(), sys.argv[1])

@@ -9,7 +9,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_EXCEPTION, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_EXCEPTION, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -91,10 +91,11 @@ def _in_pool(
     context = multiprocessing.get_context("spawn")
     counter = context.Value("q", 0)
     with ProcessPoolExecutor(workers, context, initializer=_start, initargs=(counter,)) as pool:
-        with _interrupts_held():
-            futures: list[Future[Any]] = [pool.submit(_counted, work, job) for job in jobs]
-        waiting = set(futures)
         try:
+            futures: list[Future[Any]] = _undisturbed(
+                lambda: [pool.submit(_counted, work, job) for job in jobs]
+            )
+            waiting = set(futures)
             while waiting:
                 done, waiting = wait(waiting, POLL_SECONDS, FIRST_EXCEPTION)
                 report(counter.value)
@@ -113,14 +114,15 @@ def _in_pool(
         return [future.result() for future in futures]
 
 
-@contextmanager
-def _interrupts_held() -> Iterator[None]:
-    """Let Ctrl-C wait, and never reach the processes that start meanwhile: their parent ends them."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+def _undisturbed(start: Callable[[], Any]) -> Any:
+    """Start processes in a thread, where no signal's exception leaves one half started.
+
+    Ctrl-C never reaches what is started there: its parent ends it.
+    """
+    with ThreadPoolExecutor(
+        1, initializer=signal.pthread_sigmask, initargs=(signal.SIG_BLOCK, {signal.SIGINT})
+    ) as thread:
+        return thread.submit(start).result()
 
 
 def _start(counter: Any) -> None:
