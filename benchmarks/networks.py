@@ -53,6 +53,7 @@ def network_rows(case: Case, device: torch.device, repeats: int, compiled: bool 
     """Times and memory of Col3D-MTL and NeWCRFs."""
     torch.manual_seed(0)
     network = create("col3d_mtl", encoder=case.encoder, width=case.width, heads="published").to(device)
+    assert isinstance(network, DepthNetwork)
     twin = PublishedCol3D(copy.deepcopy(network).to(memory_format=torch.contiguous_format))  # type: ignore[arg-type]
     return [
         *_forward_rows(case, network, twin, device, repeats),
@@ -139,6 +140,7 @@ def _training_rows(
 
 def _newcrfs_rows(case: Case, device: torch.device, repeats: int) -> list[Row]:
     network = create("newcrfs", encoder=case.swin, width=case.width).eval().to(device)
+    assert isinstance(network, DepthNetwork)
     image = torch.randn(1, 3, case.side, case.side, device=device)
     works = {
         "newcrfs' twin": _plain(partial(PublishedNeWCRFs(network).eval(), image)),  # type: ignore[arg-type]

@@ -3,7 +3,7 @@
 from hydra import initialize_config_dir
 
 from col3d.app.config import TrainOptions
-from col3d.app.errors import check_options
+from col3d.refusals import check_options
 from launch import composed
 from launch.files import CONF
 

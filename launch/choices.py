@@ -3,7 +3,7 @@
 import re
 
 from col3d.checks import nearest_name
-from launch.files import CONF, names_in
+from launch.files import CONF, is_group, names_in
 from launch.refusals import refuse
 
 TAKE_A_WORD = ("--config-dir", "-cd", "--config-path", "-cp", "--config-name", "-cn", "--package", "-p")
@@ -15,7 +15,7 @@ def check_choices(arguments: list[str]) -> None:
     """Refuse a group that is given a list or nothing: Hydra would take the last of a list without a word."""
     for argument in _overrides(arguments):
         group, _, choice = argument.partition("=")
-        if (CONF / group).is_dir() and group and re.match(r"[\[\d]|(null|none)?$", choice):
+        if is_group(group) and re.match(r"[\[\d]|(null|none)?$", choice):
             known = names_in(group)
             if (group, choice) not in MAY_BE_NULL and not (group == "protocol" and choice.startswith("[")):
                 refuse(

@@ -20,14 +20,16 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, read_write
 from omegaconf.errors import OmegaConfBaseException
 
+from col3d import plugins
 from col3d.app.replacing import end
-from col3d.checks import DataError, TakenError, UserError
+from col3d.checks import DataError, OptionError, TakenError, UserError
 from col3d.owned import Owned
 from col3d.reports.jobs import STATUS, TRAINING, read_plain
 from col3d.reports.summary import write_json
 from launch.choices import as_groups, check_choices
 from launch.files import CONF
 from launch.overview import look_over
+from launch.parts import load_plugins, store_parts
 from launch.paths import as_typed, quoted_again
 from launch.refusals import explain, refuse
 
@@ -35,6 +37,9 @@ BAD_INPUT = (DataError, UserError, OSError)
 PROCESSES = ("LOCAL_RANK", "NODE_RANK", "WORLD_SIZE", "MASTER_ADDR", "MASTER_PORT")
 """What Lightning tells its other processes, and its own next Trainer."""
 INTERRUPTED = 130
+PLUGINS = "plugins"
+TRAINS = ("train", "benchmark")
+"""Programs whose options have registered parts among them."""
 POLL_SECONDS = 1.0
 SCRATCH = "search"
 """Values of a sweeper that others are computed from; no program takes them."""
@@ -52,6 +57,12 @@ def launch(config_name: str, run: Run) -> None:
     os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra hands exceptions on instead of printing them
     os.environ["PYTHONPATH"] = os.pathsep.join([str(CONF.parent), os.environ.get("PYTHONPATH", "")])
     typed = as_typed(sys.argv[1:], config_name)
+    try:
+        typed = load_plugins(typed)
+    except OptionError as error:
+        refuse(str(error))
+    if config_name in TRAINS:
+        store_parts()
     sys.argv[1:] = [text for argument in typed for text in as_groups(argument)]
     check_choices(sys.argv[1:])
     if {"--help", "-h", "--hydra-help"} & set(sys.argv[1:]):
@@ -62,7 +73,7 @@ def launch(config_name: str, run: Run) -> None:
             given = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
             assert isinstance(given, dict)
             with _by_itself(config_name):
-                return run({str(key): value for key, value in given.items() if key != SCRATCH})
+                return run(_plain(given, config_name))
         except TakenError as error:
             if HydraConfig.get().mode == RunMode.MULTIRUN:
                 return print(f"left to its process: {error}", flush=True)
@@ -132,11 +143,18 @@ def _end_with(launcher: int) -> None:
 
 def composed(config_name: str, overrides: Sequence[str]) -> dict[str, Any]:
     """A configuration as plain values, inside a program that `launch` runs."""
+    store_parts()
     content = OmegaConf.to_container(
         compose(config_name, list(overrides)), resolve=True, throw_on_missing=True
     )
     assert isinstance(content, dict)
-    return {str(key): value for key, value in content.items() if key != SCRATCH}
+    return _plain(content, config_name)
+
+
+def _plain(content: dict[Any, Any], config_name: str) -> dict[str, Any]:
+    """A program's own options, with the plugins that are loaded where a run is to remember them."""
+    options = {str(key): value for key, value in content.items() if key not in (SCRATCH, PLUGINS)}
+    return {**options, PLUGINS: plugins.load()} if config_name in TRAINS else options
 
 
 def _note_failure(folder: Path, reason: str) -> None:

@@ -13,7 +13,8 @@ from omegaconf import OmegaConf
 from omegaconf.errors import InterpolationResolutionError
 
 from col3d.checks import DataError, UserError, nearest_name
-from launch.files import CONF, names_in
+from col3d.registry import KINDS
+from launch.files import CONF, is_group, names_in
 from launch.paths import quoted
 
 EXIT_CODE = 2
@@ -58,7 +59,8 @@ def _unknown_option(option: str, config_name: str) -> str:
 def _unknown_choice(choice: str, config_name: str) -> str:
     group, _, name = choice.rpartition("/")
     known = names_in(group)
-    return f"{group}: {name!r} is unknown{nearest_name(name, known)}; known: {', '.join(known)}"
+    of_others = "; one of a plugin needs plugins=[...]" if group in KINDS else ""
+    return f"{group}: {name!r} is unknown{nearest_name(name, known)}; known: {', '.join(known)}{of_others}"
 
 
 def _missing_value(option: str, config_name: str) -> str:
@@ -66,7 +68,7 @@ def _missing_value(option: str, config_name: str) -> str:
 
 
 def _bare_list(option: str, config_name: str) -> str:
-    brackets = "" if (CONF / option).is_dir() else "write a list in brackets, [0.5,0.3,0.2], or "
+    brackets = "" if is_group(option) else "write a list in brackets, [0.5,0.3,0.2], or "
     return f"{option}: {brackets}sweep over the values with -m"
 
 
@@ -89,9 +91,10 @@ COMPLAINTS: dict[str, Callable[[str, str], str]] = {
 
 
 def _options(config_name: str) -> list[str]:
-    """Every option of the configuration, dotted."""
+    """Every option of the configuration with the groups that are chosen, dotted."""
+    chosen = [text for text in sys.argv[1:] if is_group(text.partition("=")[0]) and "," not in text]
     with initialize_config_dir(str(CONF), version_base="1.3"):
-        config = OmegaConf.to_container(compose(config_name), resolve=False)
+        config = OmegaConf.to_container(compose(config_name, chosen), resolve=False)
     return _dotted(config) + ["experiment"] * (config_name == "train")
 
 

@@ -2,6 +2,7 @@
 
 import hashlib
 import re
+from collections.abc import Mapping
 from typing import Any
 
 from omegaconf import DictConfig, ListConfig, OmegaConf
@@ -22,9 +23,9 @@ def slug(overrides: str) -> str:
     return name if exact else f"{name[:LONGEST_NAME]}-{digest}"
 
 
-def by_scale(paper: Any, small: Any, *, _root_: DictConfig) -> Any:
-    """What a model takes at preset=paper, and what at the smaller presets."""
-    return paper if _root_.preset == "paper" else small
+def by_preset(special: Mapping[str, Any], usual: Any, *, _root_: DictConfig) -> Any:
+    """A value that depends on the preset: `${by_preset:{paper:512,smoke:64},128}`."""
+    return special.get(str(_root_.preset), usual)
 
 
 def size_of(preset: str | None, data: str) -> Any:
@@ -64,4 +65,4 @@ OmegaConf.register_new_resolver("colons", colons, replace=True)
 OmegaConf.register_new_resolver("drawn", drawn, replace=True)
 OmegaConf.register_new_resolver("size_of", size_of, replace=True)
 OmegaConf.register_new_resolver("slug", slug, replace=True)
-OmegaConf.register_new_resolver("by_scale", by_scale, replace=True)
+OmegaConf.register_new_resolver("by_preset", by_preset, replace=True)

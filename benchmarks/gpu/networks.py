@@ -74,6 +74,7 @@ def subjects(setting: Setting, name: str) -> list[Subject]:
     options = options_of(setting, name)
     torch.manual_seed(0)
     network = build.network(options.model, (setting.side, setting.side)).to(setting.device)
+    assert isinstance(network, DepthNetwork)
     other = copy.deepcopy(network)
     last = network.memory_format == torch.channels_last
     other.memory_format = torch.contiguous_format if last else torch.channels_last
@@ -102,8 +103,8 @@ def twin(options: TrainOptions, network: DepthNetwork) -> nn.Module:
     if options.model.name == "newcrfs":
         plain = copy.deepcopy(network).to(memory_format=torch.contiguous_format)
         return PublishedNeWCRFs(plain)  # type: ignore[arg-type]
-    model = options.model
-    made = create("col3d_mtl", encoder=model.encoder, width=model.width, heads="published")
+    model = options.model.model_dump(include={"encoder", "width"})
+    made = create("col3d_mtl", **model, heads="published")
     return PublishedCol3D(made.to(memory_format=torch.contiguous_format))  # type: ignore[arg-type]
 
 

@@ -18,6 +18,10 @@ class DiskError(DataError):
     """A file could not be read for the disk's or the server's sake, whatever is in it."""
 
 
+class OptionError(ValueError):
+    """An option breaks a rule; the message begins with its name."""
+
+
 class UserError(Exception):
     """Something that the caller has to change; the text is all there is to show."""
 
@@ -69,9 +73,11 @@ def check_known(argument: str, name: str, known: Iterable[str]) -> str:
     """Return `name` where it is one of `known`.
 
     Raises:
-        ValueError: names the argument, what came, the nearest valid name and all valid names.
+        OptionError: names the argument, what came, the nearest valid name and all valid names.
     """
     known = list(known)
     if name in known:
         return name
-    raise ValueError(f"{argument}: {name!r} is unknown{nearest_name(name, known)}; known: {', '.join(known)}")
+    raise OptionError(
+        f"{argument}: {name!r} is unknown{nearest_name(name, known)}; known: {', '.join(known)}"
+    )

@@ -14,13 +14,13 @@ from test_launch import call
 from tiny_run import composed
 
 from col3d.app.config import TrainOptions
-from col3d.app.errors import check_options
 from col3d.app.evaluate import evaluate
 from col3d.app.frames import data_module, full_frames, sized_frames
 from col3d.app.prepare import prepare
 from col3d.app.train import train
 from col3d.checks import DataError, UserError
 from col3d.data.sized import Joined
+from col3d.refusals import check_options
 from launch.choices import as_groups
 
 Compose = Callable[..., dict[str, Any]]

@@ -14,12 +14,12 @@ from tiny_run import SMALL
 
 from col3d.app import build
 from col3d.app.config import InitOptions, TrainOptions
-from col3d.app.errors import check_options
 from col3d.app.initial_weights import begin_from
 from col3d.app.learnt import learnt
 from col3d.app.train import train
 from col3d.checks import UserError
 from col3d.models import create
+from col3d.refusals import check_options
 
 Compose = Callable[..., dict[str, Any]]
 STEADY = (*QUICK, "scheduler=constant")

@@ -19,10 +19,10 @@ from torch.utils.data import DataLoader, Dataset
 from col3d.app.cameras import camera_at, lens_of
 from col3d.app.checkpoints import read_checkpoint
 from col3d.app.config import TrainOptions
-from col3d.app.errors import check_options
 from col3d.app.foreseen import in_a_line
 from col3d.app.learnt import learnt, located
 from col3d.checks import UserError
+from col3d.refusals import check_options
 
 WRONG = ([], "x", 3, {"cameras": 3}, {"cameras": [3]}, {"cameras": ["x"]}, {"cameras": [{"model": []}]})
 NUMBERS = '"size":[64,80],"fx":9,"fy":9,"cx":9,"cy":9'

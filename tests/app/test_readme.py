@@ -22,7 +22,7 @@ from col3d.app.config import (
     TrainOptions,
     VerifyOptions,
 )
-from col3d.app.errors import check_options
+from col3d.refusals import check_options
 from launch.choices import as_groups
 
 LINES = list(

@@ -9,7 +9,7 @@ from test_launch import call
 from tiny_run import SMALL, TINY, composed
 
 from col3d.app.config import TrainOptions
-from col3d.app.errors import check_options
+from col3d.refusals import check_options
 from launch.searches import simplex, take_up, trials_left
 
 pytestmark = pytest.mark.filterwarnings(

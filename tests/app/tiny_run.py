@@ -11,7 +11,8 @@ import torch
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from launch.program import SCRATCH  # and the resolvers of the configuration
+from launch.parts import store_parts
+from launch.program import PLUGINS, SCRATCH  # and the resolvers of the configuration
 
 CONF = Path(__file__).parents[2] / "conf"
 TINY = (
@@ -34,11 +35,12 @@ SMALL = "model.encoder=lcnet_035"
 
 def composed(config_name: str, *overrides: str) -> dict[str, Any]:
     """The configuration as the entry points hand it on."""
+    store_parts()
     with initialize_config_dir(str(CONF), version_base="1.3"):
         config = compose(config_name, list(overrides))
     content = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
     assert isinstance(content, dict)
-    return {str(key): value for key, value in content.items() if key != SCRATCH}
+    return {str(key): value for key, value in content.items() if key not in (SCRATCH, PLUGINS)}
 
 
 def real_frames(folder: str) -> Path:

@@ -13,7 +13,8 @@ from torch import Tensor, nn
 from col3d.batch import Prediction
 from col3d.geometry import OmnidirectionalCamera
 from col3d.layers.network import DepthNetwork
-from col3d.models import NETWORKS, WITH_NORMALS, create
+from col3d.models import create
+from col3d.registry import MODELS, available
 
 DEPTH_ALONE = ("bts", "bts_cbam", "newcrfs", "monodepth_fpn", "pix2pix")
 DISTINCT = [
@@ -136,7 +137,7 @@ def test_bfloat16_gradients_are_finite(network: nn.Module) -> None:
 
 def test_weights_survive_a_file(network: nn.Module, tmp_path: Path) -> None:
     torch.save(network.state_dict(), tmp_path / "weights.pt")
-    name = next(name for name, kind in reversed(NETWORKS.items()) if kind is type(network))
+    name = next(name for name in reversed(available("model")) if MODELS[name].build is type(network))
     normals = "unc" if "normals" in network.tasks else "none"
     other = small(name, normals=normals, normal_frame="ray" if network.needs_rays else "camera")
     other.load_state_dict(torch.load(tmp_path / "weights.pt", weights_only=True))
@@ -150,11 +151,11 @@ def test_normalisation_is_no_weight(network: nn.Module) -> None:
     assert not {"mean", "std"} & set(network.state_dict())
 
 
-@pytest.mark.parametrize("name", list(NETWORKS))
+@pytest.mark.parametrize("name", available("model"))
 def test_every_name_makes_its_network(name: str) -> None:
     network = small(name)
-    assert type(network) is NETWORKS[name]
-    assert network.tasks == (("depth", "normals") if name in WITH_NORMALS else ("depth",))
+    assert type(network) is MODELS[name].build
+    assert network.tasks == MODELS[name].facts["predicts"]
     assert f"`{name}`" in str(create.__doc__)
 
 

@@ -2,10 +2,11 @@ import pytest
 import torch
 from small import small
 
-from col3d.models import NETWORKS, create
+from col3d.models import create
+from col3d.registry import available
 
 
-@pytest.mark.parametrize("name", NETWORKS)
+@pytest.mark.parametrize("name", available("model"))
 def test_float64_is_the_twin_of_float32(name: str) -> None:
     network = small(name).eval()
     image = torch.rand(1, 3, 64, 96)

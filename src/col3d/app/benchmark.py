@@ -13,7 +13,6 @@ from typing import Any
 import torch
 
 from col3d.app.config import TrainOptions
-from col3d.app.errors import check_options
 from col3d.app.frames import data_module, settled
 from col3d.app.provenance import command
 from col3d.app.replacing import begin, end
@@ -22,6 +21,7 @@ from col3d.app.stopping import stoppable
 from col3d.app.truth import keep_truth
 from col3d.checks import UserError
 from col3d.owned import Owned
+from col3d.refusals import check_options
 from col3d.reports.jobs import add_to_plan, is_locked, read_job
 
 

@@ -2,6 +2,7 @@
 
 import functools
 from collections.abc import Callable, Mapping
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,6 @@ from col3d.app.config import (
     AdamOptions,
     AdversarialOptions,
     ConstantOptions,
-    ModelOptions,
     OptimizerOptions,
     PolynomialOptions,
     ProtocolOptions,
@@ -20,14 +20,15 @@ from col3d.app.config import (
     StepOptions,
     TrainOptions,
 )
-from col3d.checks import UserError
+from col3d.checks import OptionError, UserError
 from col3d.layers.freeze import freeze
-from col3d.layers.network import DepthNetwork
 from col3d.layers.patch_gan import PatchGAN
 from col3d.layers.weight_file import check_finite
 from col3d.losses import WeightedLoss
 from col3d.metrics import Protocol
 from col3d.models import create
+from col3d.models.options import ModelOptions
+from col3d.registry import MODELS
 from col3d.tasks import AdversarialTask, SupervisedTask
 from col3d.tasks.optimisation import (
     OptimizerFactory,
@@ -38,19 +39,20 @@ from col3d.tasks.optimisation import (
 )
 
 
-def network(options: ModelOptions, size_hw: tuple[int, int]) -> DepthNetwork:
+def network(options: ModelOptions, size_hw: tuple[int, int]) -> nn.Module:
     """The network, with its weights to start from and its frozen parts.
 
     Raises:
-        UserError: the encoder or its weights are not to be had, or parts do not fit.
+        UserError: the encoder or its weights are not to be had, or parts do not fit. Other errors of the
+            network's own code are left as they are.
     """
     given = options.model_dump(exclude={"freeze"})
-    if options.name == "pix2pix":
-        given["size"] = size_hw
+    if "size_hw" in signature(MODELS[options.name].build).parameters:
+        given["size_hw"] = size_hw
     try:
         built = create(**given)
         freeze(built, options.freeze)
-    except (ValueError, OSError, RuntimeError) as error:
+    except OptionError as error:
         raise UserError(str(error)) from None
     return built
 

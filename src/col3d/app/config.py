@@ -1,21 +1,21 @@
 """Every option with its type and range: the composed configuration is checked before anything is built."""
 
 import re
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import (
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
     Field,
+    PlainValidator,
     PositiveFloat,
     PositiveInt,
-    field_validator,
+    SerializeAsAny,
     model_validator,
 )
-from pydantic_core import PydanticCustomError
 
+from col3d.models.options import ModelOptions, model_options
+from col3d.registry import MODELS
 from col3d.reports.per_frame import DEPTH_METRICS, NORMAL_METRICS
+from col3d.schema import NoneWord, Options
 
 Split = Literal["train", "val", "test"]
 Published = Literal["bts", "col3d_bts_cbam", "col3d_mtl_no_xtc", "col3d_mtl", "newcrfs", "monodepth_fpn"]
@@ -24,56 +24,12 @@ Weight = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Probability = Annotated[float, Field(ge=0, le=1)]
 Side = Annotated[int, Field(ge=64)]
 """Of frames that networks see: a batch of one needs more than one cell at 1/32."""
-NoneWord = BeforeValidator(lambda value: None if value == "none" else value)
-"""Lets `none` on a command line stand for null."""
-
-
 ByName = Field(discriminator="name")
 """Which of several classes of options is meant is told by their name."""
 
 
-LARGEST, LARGEST_WHOLE = 1e30, 1e18
-
-
-class Options(BaseModel):
-    """Base of all groups: nothing that is not declared, nothing changed once checked."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-    @field_validator("*")
-    @classmethod
-    def _are_small(cls, value: Any) -> Any:
-        """Numbers beyond what torch can take as float32 or as int64 would end in its own words."""
-        for number in value if isinstance(value, list) else [value]:
-            most = LARGEST_WHOLE if isinstance(number, int) else LARGEST
-            if isinstance(number, int | float) and abs(number) > most:
-                raise PydanticCustomError("too_large", f"numbers between {-most:g} and {most:g}")
-        return value
-
-
-class ModelOptions(Options):
-    """A network of `col3d.models`."""
-
-    name: Literal["bts", "bts_cbam", "bts_cbam_mtl", "col3d_mtl", "newcrfs", "monodepth_fpn", "pix2pix"]
-    encoder: str
-    pretrained: Annotated[str | None, NoneWord]
-    max_depth: PositiveFloat
-    width: Annotated[int, Field(ge=64, multiple_of=64)]
-    normals: Literal["none", "unc"]
-    normal_frame: Literal["camera", "ray"]
-    freeze: list[Literal["first_conv", "batch_norm", "batch_norm_statistics", "encoder"]]
-
-    @model_validator(mode="after")
-    def _fits(self) -> "ModelOptions":
-        from col3d.models import WITH_NORMALS
-
-        if self.normals == "none" and self.name in WITH_NORMALS:
-            raise ValueError(
-                f"model.normals: {self.name} always predicts normals; take bts_cbam for depth alone"
-            )
-        if self.normals == "none" and self.normal_frame == "ray":
-            raise ValueError("model.normal_frame: ray is for predicted normals, and model.normals is none")
-        return self
+Model = Annotated[SerializeAsAny[ModelOptions], PlainValidator(model_options)]
+"""A registered network's options: which there are is told by its name."""
 
 
 class LossOptions(Options):
@@ -191,7 +147,7 @@ class DataOptions(SourceOptions):
     workers: Annotated[int, Field(ge=0)]
     augment: AugmentOptions
     test: SourceOptions | None = None
-    also: dict[str, SourceOptions] = {}
+    also: dict[str, SourceOptions] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _belong_together(self) -> "DataOptions":
@@ -339,7 +295,8 @@ class TrainOptions(Options):
     objective: Annotated[list[str], Field(min_length=1)]
     preset: str
     init: InitOptions = InitOptions()
-    model: ModelOptions
+    model: Model
+    plugins: list[str] = Field(default_factory=list)
     task: Annotated[TaskOptions, ByName]
     loss: LossOptions
     data: DataOptions
@@ -363,9 +320,8 @@ class TrainOptions(Options):
                 "normals with model.normals=none; take model.normals=unc, or loss=silog"
             )
         if not asked and model.normals != "none":
-            depth_alone = (
-                "model=bts_cbam" if model.name in ("bts_cbam_mtl", "col3d_mtl") else "model.normals=none"
-            )
+            alone = MODELS[model.name].facts["depth_alone"]
+            depth_alone = f"model={alone}" if alone else "model.normals=none"
             raise ValueError(
                 f"loss: model={model.name} predicts normals, and no term of this loss would teach them; "
                 f"take loss=mtl or mtl_xtc, or {depth_alone}"

@@ -8,6 +8,7 @@ from torch import nn
 from torch.utils.flop_counter import FlopCounterMode
 
 from col3d.geometry import OmnidirectionalCamera
+from col3d.layers.network import device_of
 
 WARM_UP, TIMED = 2, 5
 
@@ -20,9 +21,9 @@ def measure_cost(network: nn.Module, size_hw: tuple[int, int]) -> dict[str, Any]
         `frames_per_second`: of forward passes one frame at a time, the median of a few; `size`, `device` and
         `threads`, on which that time depends.
     """
-    parameter = next(network.parameters())
-    image = torch.rand(1, 3, *size_hw, device=parameter.device)
-    rays = OmnidirectionalCamera.c3vd().resized(size_hw).rays().to(parameter.device)
+    device = device_of(network)
+    image = torch.rand(1, 3, *size_hw, device=device)
+    rays = OmnidirectionalCamera.c3vd().resized(size_hw).rays().to(device)
     network.eval()
     with torch.no_grad():
         with FlopCounterMode(display=False) as counter:
@@ -33,7 +34,7 @@ def measure_cost(network: nn.Module, size_hw: tuple[int, int]) -> dict[str, Any]
         "gflop": counter.get_total_flops() / 1e9,
         "frames_per_second": 1 / seconds[len(seconds) // 2],
         "size": list(size_hw),
-        "device": _device(parameter.device),
+        "device": _device(device),
         "threads": torch.get_num_threads(),
     }
 

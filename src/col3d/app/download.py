@@ -30,7 +30,6 @@ from col3d.app.download_plan import (
     folders_there,
     named_videos,
 )
-from col3d.app.errors import check_options
 from col3d.app.stopping import stoppable
 from col3d.checks import DataError, TakenError, UserError
 from col3d.data.download import (
@@ -47,6 +46,7 @@ from col3d.data.download import (
 )
 from col3d.data.videos import catalogue, frames_of
 from col3d.owned import Owned
+from col3d.refusals import check_options
 
 FAULTY = 1
 SETTLE = 5.0

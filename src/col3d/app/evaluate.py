@@ -12,7 +12,6 @@ from col3d.app.compiled import compile_network
 from col3d.app.config import EvaluateOptions, ProtocolOptions, TrainerOptions
 from col3d.app.data_state import part_state
 from col3d.app.decorations import Decorations
-from col3d.app.errors import check_options
 from col3d.app.frames import full_frames, sized_frames
 from col3d.app.learnt import SHIPPED, located
 from col3d.app.machine import check_accelerator, make_trainer, quiet
@@ -27,6 +26,7 @@ from col3d.data.datamodule import FrameDataModule, Frames
 from col3d.data.sized import SizedFrames, WithMixedTruth
 from col3d.data.workers import SteadyLoader
 from col3d.owned import Owned
+from col3d.refusals import check_options
 from col3d.reports.predictions import StoredPredictions, owned_predictions, read_facts
 from col3d.reports.run_page import PAGE, write_run_page
 

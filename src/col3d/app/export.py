@@ -13,7 +13,6 @@ from typing import Any
 import torch
 
 from col3d.app.config import ExportOptions
-from col3d.app.errors import check_options
 from col3d.app.exported import is_exported
 from col3d.app.exported_facts import facts_of
 from col3d.app.half import HalfNetwork
@@ -27,6 +26,8 @@ from col3d.app.traced import LEAST_SIDE, Fixed, traced
 from col3d.app.weights_file import write_weights
 from col3d.callbacks import StopSignals
 from col3d.checks import UserError
+from col3d.layers.network import needs_rays, predicts
+from col3d.refusals import check_options
 
 FORMATS: dict[str, tuple[Callable[..., None], Callable[[Path], File], str]] = {
     ".onnx": (write_onnx, OnnxFile, "onnxruntime"),
@@ -73,7 +74,7 @@ def _export_program(options: ExportOptions, path: Path, stop: StopSignals) -> No
 def _check_output(subject: Learnt) -> None:
     """Refuse a network whose output is not finite, before minutes of tracing."""
     lens = next(iter(subject.cameras), None)
-    if lens is not None or not subject.network.needs_rays:
+    if lens is not None or not needs_rays(subject.network):
         grey = torch.full((1, 3, *subject.size_hw), 128, dtype=torch.uint8)
         subject.predict(grey, None if lens is None else lens.resized(subject.size_hw))
 
@@ -163,8 +164,9 @@ def _report(subject: Learnt, path: Path, likeness: Likeness, fixed: Fixed) -> No
     largest = ", ".join(f"{name} {value:.1e}{units[name]}" for name, value in likeness.differences.items())
     at = " x ".join(map(str, fixed.size_hw or subject.size_hw))
     *_, engine = FORMATS[path.suffix]
-    takes = "image and rays" if subject.network.needs_rays else "image"
-    print(f"wrote {path}, {path.stat().st_size / 1e6:.1f} MB: {takes} -> {', '.join(subject.network.tasks)}")
+    takes = "image and rays" if needs_rays(subject.network) else "image"
+    gives = ", ".join(predicts(subject.network))
+    print(f"wrote {path}, {path.stat().st_size / 1e6:.1f} MB: {takes} -> {gives}")
     batch = "any batch" if fixed.batch is None else f"batches of {fixed.batch}"
     size = f"any size from {LEAST_SIDE} x {LEAST_SIDE}"
     if fixed.size_hw is not None:

@@ -6,6 +6,7 @@ from typing import Any
 from col3d.app.learnt import Learnt
 from col3d.app.traced import ANY, Fixed
 from col3d.geometry.camera_file import plain_from_camera
+from col3d.layers.network import needs_rays, predicts
 
 INPUTS = {
     "image": "float32 (batch, 3, height, width): RGB in [0, 1]; it is normalised, padded and cropped inside",
@@ -23,7 +24,7 @@ CONVENTIONS = (
 
 def facts_of(learnt: Learnt, fixed: Fixed = ANY) -> dict[str, Any]:
     """Name, sizes, range, lens, inputs, outputs and conventions, as JSON has them."""
-    given = ("image", "rays") if learnt.network.needs_rays else ("image",)
+    given = ("image", "rays") if needs_rays(learnt.network) else ("image",)
     return {
         "model": learnt.name,
         "max_depth": learnt.max_depth,
@@ -33,7 +34,7 @@ def facts_of(learnt: Learnt, fixed: Fixed = ANY) -> dict[str, Any]:
         "trained_on": list(learnt.trained_on),
         "lenses": [plain_from_camera(camera) for camera in learnt.cameras],
         "inputs": {name: INPUTS[name] for name in given},
-        "outputs": {name: OUTPUTS[name] for name in learnt.network.tasks},
+        "outputs": {name: OUTPUTS[name] for name in predicts(learnt.network)},
         "conventions": CONVENTIONS,
         "col3d": version("col3d"),
         "torch": version("torch"),

@@ -13,7 +13,6 @@ from torch import Tensor
 
 from col3d.app.cameras import camera_at
 from col3d.app.config import FuseOptions, PoseOptions
-from col3d.app.errors import check_options
 from col3d.app.foreseen import in_a_line
 from col3d.app.learnt import SIZE, Learnt, learnt
 from col3d.app.machine import check_accelerator, quiet
@@ -31,6 +30,7 @@ from col3d.data.resize import Resize
 from col3d.data.videos import canonical_name, described
 from col3d.geometry import Camera
 from col3d.owned import Owned
+from col3d.refusals import check_options
 from col3d.reports.fusion import print_fusion, write_fusion_page
 from col3d.reports.scenes import Cloud, Scene, error_colours, thinned
 from col3d.reports.summary import write_json

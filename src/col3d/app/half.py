@@ -8,7 +8,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from col3d.layers.conv import FuseELU, UpConv
-from col3d.layers.network import DepthNetwork
+from col3d.layers.network import needs_rays, predicts
 
 CONVOLVING = (FuseELU, UpConv)
 """Blocks that take the weights of a layer inside them."""
@@ -21,10 +21,10 @@ class HalfNetwork(nn.Module):
     of normals, stays so.
     """
 
-    def __init__(self, network: DepthNetwork) -> None:
+    def __init__(self, network: nn.Module) -> None:
         super().__init__()
         self.network = copy.deepcopy(network).half()
-        self.tasks, self.needs_rays = network.tasks, network.needs_rays
+        self.tasks, self.needs_rays = predicts(network), needs_rays(network)
         for module in self.network.modules():
             is_layer = not list(module.children()) and any(True for _ in module.parameters(recurse=False))
             if is_layer or isinstance(module, CONVOLVING):

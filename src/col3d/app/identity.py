@@ -7,7 +7,7 @@ from typing import Any
 
 from col3d.app.config import TrainOptions
 
-UNRELATED = {"overwrite", "output_dir", "logger", "objective", "callbacks"}
+UNRELATED = {"overwrite", "output_dir", "logger", "objective", "callbacks", "plugins"}
 """Groups and options that change nothing in the weights and numbers of a run."""
 UNRELATED_INSIDE = {("data", "workers"), ("data", "store")}
 

@@ -8,22 +8,23 @@ from typing import Any
 
 import torch
 from jaxtyping import UInt8
-from torch import Tensor
+from torch import Tensor, nn
 from torch.nn.functional import interpolate
 
-from col3d import weights
+from col3d import plugins, weights
 from col3d.app import build
 from col3d.app.checkpoints import run_of
 from col3d.app.config import TrainOptions
-from col3d.app.errors import check_options
 from col3d.app.starts import Starts
 from col3d.batch import Prediction
 from col3d.checks import UserError
 from col3d.data.resize import resized_image
 from col3d.geometry import Camera, unit
 from col3d.geometry.camera_file import camera_from_plain
-from col3d.layers.network import DepthNetwork
+from col3d.layers.network import DepthNetwork, device_of
+from col3d.models.options import untrained
 from col3d.models.published import load_published, read_weights
+from col3d.refusals import check_options
 from col3d.tasks import SupervisedTask
 
 MAX_DEPTH = 100.0
@@ -50,7 +51,7 @@ class Learnt:
         trained_on: names of those data sets.
     """
 
-    network: DepthNetwork
+    network: nn.Module
     name: str
     size_hw: tuple[int, int]
     max_depth: float
@@ -75,7 +76,7 @@ class Learnt:
         size_hw = (images.shape[2], images.shape[3])
         if camera is not None and camera.size_hw != size_hw:
             raise ValueError(f"camera: expected one of {size_hw} pixels, got {camera.size_hw}")
-        device = self.network.mean.device
+        device = device_of(self.network)
         seen = resized_image(images, self.size_hw).to(device).float() / 255
         rays = None if camera is None else camera.resized(self.size_hw).rays().to(device)
         prediction = self.network(seen, rays)
@@ -134,7 +135,6 @@ def learnt(
     cameras = _cameras(checkpoint, path)
     sources = (options.data, *options.data.also.values())
     trained_on = tuple(dict.fromkeys(source.name for source in sources))
-    assert isinstance(task.network, DepthNetwork)
     name, depth = options.model.name, options.model.max_depth
     return Learnt(task.network.eval(), name, (height, width), depth, cameras, trained_on)
 
@@ -159,8 +159,7 @@ def trained_task(path: Path) -> tuple[SupervisedTask, TrainOptions, Mapping[str,
     checkpoint = read_file(path)
     _check_run(path, checkpoint)
     options = _trained_options(checkpoint, path)
-    model = options.model.model_copy(update={"pretrained": None})
-    task = build.task(options.model_copy(update={"model": model}))
+    task = build.task(options.model_copy(update={"model": untrained(options.model)}))
     build.fill(task, checkpoint, path)
     return task, options, checkpoint
 
@@ -232,6 +231,11 @@ def _trained_options(checkpoint: Mapping[str, Any], path: Path) -> TrainOptions:
             f"checkpoint: {path} is not a checkpoint written by train.py; "
             "for the authors' weights say published=<whose>"
         ) from None
+    if absent := sorted({str(name) for name in given.get("plugins") or ()} - {*plugins.load()}):
+        raise UserError(
+            f"checkpoint: {path} was trained with parts of {', '.join(absent)}; add "
+            f"plugins=[{','.join(absent)}], or name them in {plugins.VARIABLE}"
+        )
     try:
         return check_options(TrainOptions, given)
     except UserError as error:

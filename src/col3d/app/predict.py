@@ -12,7 +12,6 @@ import torch
 from col3d.app.cameras import camera_at, lens_of, view_of
 from col3d.app.compiled import compile_network
 from col3d.app.config import PredictOptions
-from col3d.app.errors import check_options
 from col3d.app.foreseen import in_a_line
 from col3d.app.learnt import Learnt, learnt
 from col3d.app.machine import check_accelerator, quiet
@@ -25,6 +24,8 @@ from col3d.data.ahead import ahead
 from col3d.data.images import ImageSource, Shot, image_source
 from col3d.data.processes import frames_bar
 from col3d.geometry import Camera
+from col3d.layers.network import needs_rays
+from col3d.refusals import check_options
 
 READ_AHEAD = 4
 """Images that are decoded while the network is busy."""
@@ -99,7 +100,7 @@ def _check_sides(lens: Camera | None, source: ImageSource) -> None:
 
 def _network(options: PredictOptions, lens: Camera | None) -> Learnt:
     found = learnt(Path(options.checkpoint), options.published, options.max_depth, options.size)
-    if found.network.needs_rays and lens is None:
+    if needs_rays(found.network) and lens is None:
         raise UserError(
             "camera: this network's normals are relative to the viewing rays (model.normal_frame=ray); "
             "give the camera of the images, such as camera=c3vd"

@@ -9,7 +9,6 @@ from typing import Any
 import torch
 
 from col3d.app.config import PhantomOptions, PrepareOptions, SourceOptions
-from col3d.app.errors import check_options
 from col3d.app.frames import frame_set, other_folder_names, phantom_settings, render_missing
 from col3d.app.stopping import stoppable
 from col3d.app.stores import beside, recipe_of, remember
@@ -21,6 +20,7 @@ from col3d.data.splits import SPLITS, expand, parse_selection
 from col3d.data.store import Recipe, folder_of, read_video, write_video
 from col3d.data.store.index import shapes
 from col3d.data.videos import seeded_name, video_table
+from col3d.refusals import check_options
 
 NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 

@@ -15,6 +15,7 @@ from col3d.app.starts import STARTS, Start, Starts
 from col3d.callbacks import BestCheckpoint
 from col3d.checks import UserError
 from col3d.owned import Owned
+from col3d.refusals import check_options
 from col3d.reports.jobs import RESULT, STATUS, TRAINING, read_plain
 from col3d.reports.predictions import INDEX, owned_predictions
 from col3d.reports.run_page import PAGE
@@ -220,7 +221,15 @@ class RunFolder:
         if before is None:  # config.yaml may be damaged, a checkpoint has been checked
             with suppress(OSError, ValueError, yaml.YAMLError):
                 before = yaml.safe_load((self.path / CONFIG).read_text(encoding="utf-8"))
-        return before if isinstance(before, dict) else {}
+        return _completed(before) if isinstance(before, dict) else {}
+
+
+def _completed(before: dict[str, Any]) -> dict[str, Any]:
+    """Options of an earlier run with the defaults of those that have come since."""
+    try:
+        return check_options(TrainOptions, before).model_dump(mode="json")
+    except UserError:
+        return before
 
 
 def say_changes(lines: list[str], since: str) -> None:

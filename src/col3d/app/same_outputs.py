@@ -19,6 +19,7 @@ from col3d.checks import UserError
 from col3d.data.images import read_image
 from col3d.data.phantom import PhantomSettings, render_phantom
 from col3d.data.resize import resized_image
+from col3d.layers.network import predicts
 
 TOLERANCE = {"depth": 1e-5, "normals": 1e-4}
 """Largest difference: of depth as a share of the largest depth, of normals in each component."""
@@ -64,8 +65,8 @@ def compare(learnt: Learnt, file: File, fixed: Fixed = ANY, half: HalfNetwork | 
     Raises:
         UserError: they differ.
     """
-    differences = dict.fromkeys(learnt.network.tasks, 0.0)
-    rounding = dict.fromkeys(learnt.network.tasks if half else (), 0.0)
+    differences = dict.fromkeys(predicts(learnt.network), 0.0)
+    rounding = dict.fromkeys(predicts(learnt.network) if half else (), 0.0)
     sizes = []
     batch, height, width = fixed.shape(1, *learnt.size_hw)
     frame = phantom_frame((height, width)).expand(batch, -1, -1, -1).contiguous()
@@ -111,7 +112,8 @@ def phantom_frame(size_hw: tuple[int, int]) -> Tensor:
 def _differences(learnt: Learnt, file: File, inputs: Mapping[str, Tensor]) -> dict[str, float]:
     expected = learnt.network(**inputs)
     found = file({name: values.numpy() for name, values in inputs.items()})
-    return {name: float(np.abs(found[name] - expected[name].numpy()).max()) for name in learnt.network.tasks}
+    names = predicts(learnt.network)
+    return {name: float(np.abs(found[name] - expected[name].numpy()).max()) for name in names}
 
 
 def _refuse(

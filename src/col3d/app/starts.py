@@ -10,6 +10,7 @@ from typing import Any
 from col3d.app.config import TrainOptions
 from col3d.app.data_state import data_state
 from col3d.app.provenance import code_sum, command, commit, plugins, versions
+from col3d.plugins import versions as plugin_versions
 from col3d.reports.jobs import read_plain
 from col3d.reports.summary import write_json
 
@@ -19,14 +20,15 @@ Start = dict[str, Any]
 
 def this_start(options: TrainOptions) -> Start:
     """What a start finds now."""
-    files = {"model.pretrained": options.model.pretrained, "init.checkpoint": options.init.checkpoint}
+    pretrained = getattr(options.model, "pretrained", None)
+    files = {"model.pretrained": str(pretrained or ""), "init.checkpoint": options.init.checkpoint}
     given = {option: Path(name) for option, name in files.items() if name and Path(name).is_file()}
     return {
         "time": datetime.now(UTC).isoformat(timespec="seconds"),
         "command": command(),
         "commit": commit(),
         "code": code_sum(),
-        "packages": {**versions(), **plugins()},
+        "packages": {**versions(), **plugins(), **plugin_versions()},
         "data": data_state(options.data, options.phantom)
         | {
             f"{option} {path}": f"{path.stat().st_size} bytes, {path.stat().st_mtime_ns}"

@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 from torch.export import Dim, ExportedProgram, export
 
 from col3d.app.half import HalfNetwork
 from col3d.geometry import Camera, OmnidirectionalCamera
-from col3d.layers.network import DepthNetwork
+from col3d.layers.network import DepthNetwork, needs_rays, predicts
 
 TRACED = (2, 250, 330)
 """Batch, height and width of the trace. At 1/32 NeWCRFs has several windows of it: what is one in a trace
@@ -37,9 +37,7 @@ class Fixed:
 ANY = Fixed()
 
 
-def sample(
-    network: DepthNetwork | HalfNetwork, image: Tensor, lens: Camera | None = None
-) -> dict[str, Tensor]:
+def sample(network: nn.Module, image: Tensor, lens: Camera | None = None) -> dict[str, Tensor]:
     """The inputs of a network by name: images, and the rays of a lens where it needs them.
 
     Args:
@@ -47,13 +45,13 @@ def sample(
         image: RGB in [0, 1], (b, 3, h, w).
         lens: at any size; C3VD's when absent.
     """
-    if not network.needs_rays:
+    if not needs_rays(network):
         return {"image": image}
     camera = (lens or OmnidirectionalCamera.c3vd()).resized((image.shape[2], image.shape[3]))
     return {"image": image, "rays": camera.rays()[None]}
 
 
-def traced(network: DepthNetwork | HalfNetwork, fixed: Fixed = ANY) -> ExportedProgram:
+def traced(network: nn.Module, fixed: Fixed = ANY) -> ExportedProgram:
     """The network, in evaluation mode on the CPU, as a program for images of any size, or of a fixed one.
 
     Layers take their plain forms where `torch.compiler.is_exporting()`.
@@ -68,5 +66,26 @@ def traced(network: DepthNetwork | HalfNetwork, fixed: Fixed = ANY) -> ExportedP
     open_batch = {} if fixed.batch else {0: Dim.DYNAMIC}
     sizes = {"image": {**open_batch, **open_sides}, "rays": open_sides}
     return export(
-        network, tuple(given.values()), dynamic_shapes=tuple(sizes[name] for name in given), strict=False
+        _narrowed(network),
+        tuple(given.values()),
+        dynamic_shapes=tuple(sizes[name] for name in given),
+        strict=False,
     )
+
+
+class _Narrowed(nn.Module):
+    """What a network predicts, without what else it returns."""
+
+    def __init__(self, network: nn.Module) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(self, image: Tensor, rays: Tensor | None = None) -> dict[str, Tensor]:
+        """Predictions by name."""
+        found = self.network(image, rays)
+        return {name: found[name] for name in predicts(self.network)}
+
+
+def _narrowed(network: nn.Module) -> nn.Module:
+    """Networks of this package return nothing else, and keep the names of their weights."""
+    return network if isinstance(network, DepthNetwork | HalfNetwork) else _Narrowed(network)

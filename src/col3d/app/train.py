@@ -15,7 +15,6 @@ from col3d.app import build
 from col3d.app.compiled import compile_network
 from col3d.app.config import TrainOptions
 from col3d.app.decorate import best_weights, decorate, kept_predictions, show_again
-from col3d.app.errors import check_options
 from col3d.app.foreseen import in_a_line
 from col3d.app.frames import data_module, settled
 from col3d.app.initial_weights import begin_from
@@ -41,6 +40,7 @@ from col3d.callbacks import (
 )
 from col3d.checks import UserError
 from col3d.data.datamodule import FrameDataModule
+from col3d.refusals import check_options
 from col3d.tasks import SupervisedTask
 from col3d.whole import write_whole
 

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 from col3d.app.config import PhantomOptions, SourceOptions, VerifyOptions
-from col3d.app.errors import check_options
 from col3d.app.frames import frame_set, other_folder_names
 from col3d.app.stopping import stoppable
 from col3d.app.stores import remembered
@@ -42,6 +41,7 @@ from col3d.data.verify import (
 from col3d.data.verify.stores import check_store, stores_beside
 from col3d.data.videos import catalogue, frames_of
 from col3d.owned import Owned
+from col3d.refusals import check_options
 from col3d.reports.jobs import read_plain
 from col3d.reports.summary import write_json
 from col3d.reports.verification import Picture, print_verification, write_page

@@ -12,6 +12,7 @@ from col3d.app.learnt import Learnt, learnt, trained_task
 from col3d.app.same_outputs import phantom_frame
 from col3d.app.traced import sample
 from col3d.checks import UserError
+from col3d.models.options import untrained
 from col3d.reports.places import command_without_places, last_name, without_places
 
 SAME = 2e-2
@@ -44,7 +45,7 @@ def write_weights(source: Path, path: Path) -> float:
     elsewhere = {
         "data": data,
         "output_dir": f"runs/{last_name(options.output_dir)}",
-        "model": options.model.model_copy(update={"pretrained": None}),
+        "model": untrained(options.model),
     }
     said = checkpoint.get("about")
     about = said if isinstance(said, dict) else {}

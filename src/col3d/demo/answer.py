@@ -12,6 +12,7 @@ from col3d.app.learnt import Learnt
 from col3d.checks import DataError
 from col3d.demo.uploads import MOST_SIDE, Truth, fitted
 from col3d.geometry import Camera
+from col3d.layers.network import needs_rays
 from col3d.metrics.functional import depth_metrics
 from col3d.reports.previews import depth_picture, normals_picture, with_colour_bar
 
@@ -98,7 +99,7 @@ def answer(network: Learnt, image: Picture, option: CameraOption, truth: Truth |
     """
     size_hw = (image.shape[0], image.shape[1])
     lens = lens_of(option)
-    if lens is None and network.network.needs_rays:
+    if lens is None and needs_rays(network.network):
         raise DataError("camera: this network needs the camera's viewing rays; choose one")
     camera = None if lens is None else camera_at(lens, size_hw)
     image = fitted(image)

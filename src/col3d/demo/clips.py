@@ -10,6 +10,7 @@ from col3d.app.learnt import Learnt
 from col3d.checks import DataError
 from col3d.demo.answer import predicted
 from col3d.demo.uploads import Clip
+from col3d.layers.network import needs_rays
 from col3d.reports.previews import SideBySide, depth_picture, normals_picture
 from col3d.reports.video import VideoWriter
 
@@ -38,7 +39,7 @@ def write_clip(
     """
     size_hw = (clip.frames[0].shape[0], clip.frames[0].shape[1])
     lens = lens_of(option)
-    if lens is None and network.network.needs_rays:
+    if lens is None and needs_rays(network.network):
         raise DataError("camera: this network needs the camera's viewing rays; choose one")
     camera = None if lens is None else camera_at(lens, size_hw)
     view = view_of(option, size_hw)

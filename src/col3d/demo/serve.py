@@ -12,11 +12,11 @@ from typing import Any
 
 from col3d import early
 from col3d.app.config import AppOptions
-from col3d.app.errors import check_options
 from col3d.app.learnt import learnt
 from col3d.app.machine import quiet
 from col3d.checks import UserError
 from col3d.demo.checkpoint import newest_checkpoint
+from col3d.refusals import check_options
 
 HOST = "127.0.0.1"
 TERMINATED = 143

@@ -6,6 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from col3d.checks import OptionError
 from col3d.layers.conv import UpFuse, batch_norm, conv_elu
 
 RATES = (3, 6, 12, 18, 24)
@@ -80,7 +81,7 @@ class DenseTrunk(nn.Module):
     def __init__(self, channels: Sequence[int], width: int) -> None:
         super().__init__()
         if width <= 0 or width % 64:
-            raise ValueError(f"model.width: must be a positive multiple of 64, got {width}")
+            raise OptionError(f"model.width: must be a positive multiple of 64, got {width}")
         *_, at8, at16, at32 = channels
         self.up16 = UpFuse(at32, width, at16)
         self.up8 = UpFuse(width, width // 2, at8)

@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from col3d.checks import nearest_name
+from col3d.checks import OptionError, nearest_name
 from col3d.layers.weight_file import check_archive, check_finite
 
 SCALES = (2, 4, 8, 16, 32)
@@ -57,7 +57,7 @@ class Encoder(nn.Module):
         wanted = [(c, PROBE_HW[0] // s, PROBE_HW[1] // s) for c, s in zip(self.channels, SCALES, strict=True)]
         if [found[i] for i in self.indices] != wanted:
             sizes = ", ".join(f"{h} x {w}" for _, h, w in found)
-            raise ValueError(_no_scales(name, f"for an image of 64 x 96 it has maps of {sizes}"))
+            raise OptionError(_no_scales(name, f"for an image of 64 x 96 it has maps of {sizes}"))
 
     def forward(self, image: Float[Tensor, "b 3 h w"]) -> list[Float[Tensor, "b _ _ _"]]:
         """A normalised image whose sides are multiples of 32 -> five maps, the largest first."""
@@ -69,15 +69,17 @@ def _create(name: str, fetch: bool) -> nn.Module:
     import timm
 
     if not timm.is_model(name):
-        raise ValueError(f"model.encoder: timm has no model {name!r}{nearest_name(name, timm.list_models())}")
+        raise OptionError(
+            f"model.encoder: timm has no model {name!r}{nearest_name(name, timm.list_models())}"
+        )
     try:
         return timm.create_model(name, features_only=True, pretrained=fetch)
     except Exception as error:
         if "pretrained tag" in str(error):
-            raise ValueError(f"model.encoder: {name!r}: {error}".splitlines()[0]) from None
+            raise OptionError(f"model.encoder: {name!r}: {error}".splitlines()[0]) from None
         if not fetch:
-            raise ValueError(_no_scales(name, f"timm says: {error}".splitlines()[0])) from error
-        raise ValueError(
+            raise OptionError(_no_scales(name, f"timm says: {error}".splitlines()[0])) from error
+        raise OptionError(
             f"model.pretrained: no ImageNet weights for {name!r} could be fetched ({type(error).__name__}); "
             "say model.pretrained=none for random weights or model.pretrained=<path of a weight file>"
         ) from error
@@ -85,7 +87,7 @@ def _create(name: str, fetch: bool) -> nn.Module:
 
 def _five_scales(name: str, reductions: list[int]) -> list[int]:
     if not set(SCALES) <= set(reductions):
-        raise ValueError(_no_scales(name, "it has " + ", ".join(f"/{r}" for r in reductions)))
+        raise OptionError(_no_scales(name, "it has " + ", ".join(f"/{r}" for r in reductions)))
     return [reductions.index(scale) for scale in SCALES]
 
 
@@ -133,7 +135,7 @@ def refuse_more_blocks(used: Sequence[str], unused: Sequence[str], source: str) 
     known = {block for name in used for _, block in blocks(name)}
     for name in unused:
         if any(stage in lists and block not in known for stage, block in blocks(name)):
-            raise ValueError(
+            raise OptionError(
                 f"model.pretrained: {source} is of a larger model: {name!r} has no place in this one"
             )
 
@@ -147,21 +149,21 @@ def read_encoder_weights(path: Path) -> Mapping[str, Tensor]:
     from timm.models import load_state_dict
 
     if not path.is_file():
-        raise ValueError(
+        raise OptionError(
             f"model.pretrained: must be none, imagenet or a weight file; there is no file {str(path)!r}"
         )
     try:
         check_archive(path)
     except ValueError as error:
-        raise ValueError(f"model.pretrained: {error}") from None
+        raise OptionError(f"model.pretrained: {error}") from None
     try:
         found: Mapping[str, Tensor] = load_state_dict(str(path), weights_only=True)
     except Exception as error:
-        raise ValueError(
+        raise OptionError(
             f"model.pretrained: {str(path)!r} cannot be read as weights ({type(error).__name__})"
         ) from error
     if any(name.startswith("network.") for name in found):
-        raise ValueError(
+        raise OptionError(
             f"model.pretrained: {path} is a checkpoint of train.py, not weights of an encoder; begin from it "
             "with init.checkpoint"
         )
@@ -178,15 +180,15 @@ def fill_encoder(
     """
     missing = [n for n in wanted if n not in given and wanted[n].is_floating_point()]
     if missing:
-        raise ValueError(f"model.pretrained: {source} lacks {len(missing)} weights, such as {missing[0]!r}")
+        raise OptionError(f"model.pretrained: {source} lacks {len(missing)} weights, such as {missing[0]!r}")
     chosen = {name: given[name] for name in wanted if name in given}
     misfits = [n for n in chosen if getattr(chosen[n], "shape", None) != wanted[n].shape]
     if misfits:
-        raise ValueError(
+        raise OptionError(
             f"model.pretrained: {source} does not fit in {len(misfits)} weights, such as {misfits[0]!r}"
         )
     try:
         check_finite(chosen)
     except ValueError as error:
-        raise ValueError(f"model.pretrained: {source}: {error}") from None
+        raise OptionError(f"model.pretrained: {source}: {error}") from None
     net.load_state_dict(chosen, strict=False)

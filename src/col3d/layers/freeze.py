@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable
 
 from torch import nn
 
-from col3d.checks import check_known
+from col3d.checks import OptionError, check_known
 
 
 def _keep(*modules: nn.Module) -> None:
@@ -19,7 +19,7 @@ def _batch_norms(encoder: nn.Module) -> list[nn.Module]:
 def _first_conv(encoder: nn.Module) -> None:
     conv = next((m for m in encoder.modules() if isinstance(m, nn.Conv2d)), None)
     if conv is None:
-        raise ValueError("model.freeze: first_conv finds no convolution in the encoder")
+        raise OptionError("model.freeze: first_conv finds no convolution in the encoder")
     _keep(conv)
 
 
@@ -45,12 +45,18 @@ def freeze(network: nn.Module, policies: Iterable[str]) -> None:
     """Keep parts of a network's encoder as they are, in place.
 
     Raises:
-        ValueError: a policy is unknown, or finds nothing to keep in this encoder.
+        OptionError: a policy is unknown, or finds nothing to keep; the network has no encoder.
     """
-    encoder = network.get_submodule("encoder")
+    policies = list(policies)
+    encoder = getattr(network, "encoder", None)
+    if policies and not isinstance(encoder, nn.Module):
+        raise OptionError(
+            f"model.freeze: {type(network).__name__} has no module `encoder`, of which parts could be kept"
+        )
+    encoder = encoder if isinstance(encoder, nn.Module) else nn.Identity()
     has_batch_norms = bool(_batch_norms(encoder))  # before statistics, kept, make other layers of them
     for policy in policies:
         known = POLICIES[check_known("model.freeze", policy, POLICIES)]
         if policy.startswith("batch_norm") and not has_batch_norms:
-            raise ValueError(f"model.freeze: {policy} finds no batch norm in the encoder")
+            raise OptionError(f"model.freeze: {policy} finds no batch norm in the encoder")
         known(encoder)

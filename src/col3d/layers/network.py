@@ -1,5 +1,6 @@
 """What every network does around its layers: normalise, pad, estimate depth, add normals, crop."""
 
+import itertools
 from abc import ABC, abstractmethod
 
 import torch
@@ -7,11 +8,27 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from col3d.batch import Prediction
-from col3d.checks import check_known
+from col3d.checks import OptionError, check_known
 from col3d.layers.normal_decoder import NORMAL_FRAMES, Features, NormalDecoder
 
 IMAGENET_MEAN = (0.485, 0.456, 0.406)
 IMAGENET_STD = (0.229, 0.224, 0.225)
+
+
+def predicts(network: nn.Module, otherwise: tuple[str, ...] = ("depth",)) -> tuple[str, ...]:
+    """What a network predicts: its `tasks`, where it says so."""
+    return tuple(getattr(network, "tasks", otherwise))
+
+
+def needs_rays(network: nn.Module) -> bool:
+    """Whether a network cannot predict without the camera's rays: its `needs_rays`, where it says so."""
+    return bool(getattr(network, "needs_rays", False))
+
+
+def device_of(network: nn.Module) -> torch.device:
+    """Where its parameters are, or its buffers; the CPU for a network without any."""
+    values = next(itertools.chain(network.parameters(), network.buffers()), None)
+    return torch.device("cpu") if values is None else values.device
 
 
 class DepthNetwork(nn.Module, ABC):
@@ -63,7 +80,7 @@ class DepthNetwork(nn.Module, ABC):
             ValueError: the frame is unknown, or the width is not a positive multiple of 32.
         """
         if width <= 0 or width % 32:
-            raise ValueError(f"model.width: normals need a positive multiple of 32, got {width}")
+            raise OptionError(f"model.width: normals need a positive multiple of 32, got {width}")
         known = NORMAL_FRAMES[check_known("model.normal_frame", frame, NORMAL_FRAMES)]
         self.normal_decoder = NormalDecoder(self.feature_channels, width, known)
 

@@ -3,6 +3,8 @@
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from col3d.checks import OptionError
+
 STD = 0.02
 
 
@@ -48,7 +50,7 @@ class PatchGAN(nn.Module):
     def __init__(self, in_channels: int = 4, width: int = 512) -> None:
         super().__init__()
         if width <= 0 or width % 8:
-            raise ValueError(f"model.width: must be a positive multiple of 8, got {width}")
+            raise OptionError(f"model.width: must be a positive multiple of 8, got {width}")
         base = width // 8
         last = nn.Conv2d(4 * base, 8 * base, 4, padding=1, bias=False)
         self.layers = nn.Sequential(

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from col3d.checks import nearest_name
+from col3d.checks import OptionError, nearest_name
 from col3d.layers.encoder import fill_encoder, read_encoder_weights, refuse_more_blocks
 from col3d.layers.window_attention import WINDOW, WindowBlock
 
@@ -134,7 +134,7 @@ def _size(name: str) -> Size:
     plain, _, tag = name.partition(".")
     if plain not in SIZES:
         known = ", ".join(SIZES)
-        raise ValueError(
+        raise OptionError(
             f"model.encoder: newcrfs needs a Swin, one of {known}; got {name!r}{nearest_name(plain, SIZES)}"
         )
     if tag:
@@ -147,7 +147,7 @@ def _check_tag(name: str, plain: str) -> None:
 
     tagged = timm.list_models(f"{plain}.*", pretrained=True)
     if name not in tagged:
-        raise ValueError(f"model.encoder: timm has no weights {name!r}{nearest_name(name, tagged)}")
+        raise OptionError(f"model.encoder: timm has no weights {name!r}{nearest_name(name, tagged)}")
 
 
 def _init(module: nn.Module) -> None:
@@ -164,7 +164,7 @@ def _fetched(name: str) -> Mapping[str, Tensor]:
     try:
         return timm.create_model(tagged, pretrained=True).state_dict()
     except Exception as error:
-        raise ValueError(
+        raise OptionError(
             f"model.pretrained: no weights {tagged!r} could be fetched ({type(error).__name__}); "
             "say model.pretrained=none for random weights or model.pretrained=<path of a weight file>"
         ) from error

@@ -1,84 +1,89 @@
-"""Networks, one paper a file: image -> `Prediction`."""
+"""Networks, one paper a file: (image, rays) -> `Prediction`."""
 
+from collections.abc import Mapping
+from inspect import signature
 from typing import Any
 
-from col3d.checks import check_known
-from col3d.layers.network import DepthNetwork
-from col3d.layers.normal_decoder import NORMAL_FRAMES
-from col3d.models.bts import BTS
-from col3d.models.bts_cbam import BTSCBAM
-from col3d.models.col3d_mtl import Col3DMTL
-from col3d.models.monodepth_fpn import MonoDepthFPN
-from col3d.models.newcrfs import NeWCRFs
-from col3d.models.pix2pix import Pix2Pix
+from torch import nn
 
-NETWORKS: dict[str, type[DepthNetwork]] = {
-    "bts": BTS,
-    "bts_cbam": BTSCBAM,
-    "bts_cbam_mtl": Col3DMTL,
-    "col3d_mtl": Col3DMTL,
-    "newcrfs": NeWCRFs,
-    "monodepth_fpn": MonoDepthFPN,
-    "pix2pix": Pix2Pix,
-}
+from col3d.checks import OptionError, check_known, nearest_name
+from col3d.layers.network import DepthNetwork, predicts
+from col3d.layers.normal_decoder import NORMAL_FRAMES
+from col3d.models import bts, bts_cbam, col3d_mtl, monodepth_fpn, newcrfs, pix2pix
+from col3d.models.options import ModelOptions, instead
+from col3d.refusals import checked
+from col3d.registry import MODELS, Part
+
+__all__ = ["bts", "bts_cbam", "col3d_mtl", "create", "monodepth_fpn", "newcrfs", "pix2pix"]
+
 NORMALS = ("none", "unc")
-WITH_NORMALS = ("bts_cbam_mtl", "col3d_mtl")
-"""Networks that are defined by their decoder for normals."""
 
 
 def create(
-    name: str,
-    encoder: str | None = None,
-    max_depth: float = 100.0,
-    pretrained: str | None = None,
-    width: int = 512,
-    normals: str | None = None,
-    normal_frame: str = "camera",
-    **options: Any,
-) -> DepthNetwork:
-    """A network by its name.
+    name: str, *, normals: str | None = None, normal_frame: str = "camera", **options: Any
+) -> nn.Module:
+    """Create a network by its registered name.
 
-    * `bts` (Lee et al. 2019): local planar guidance; ResNet-50.
-    * `bts_cbam`: BTS whose decoder attends to its features.
-    * `bts_cbam_mtl`, `col3d_mtl` (Chavarrias Solano et al. 2023): BTS-CBAM with a decoder for normals; the
-      two are one network, trained without and with a cross-task loss.
-    * `newcrfs` (Yuan et al. 2022): a Swin encoder, window-wise conditional random fields; Swin-Large.
-    * `monodepth_fpn`: a feature pyramid, after public code, for the paper gives no layers; ResNet-50.
-    * `pix2pix` (Isola et al. 2017): a U-Net of its own; `size`, as an option, sets its depth.
+    `col3d.registry.available("model")` lists the names, `describe("model", name)` the options of one.
 
     Args:
-        name: one of `NETWORKS`.
-        encoder: name of a timm model with maps at /2 to /32, of a Swin for `newcrfs`, "none" for `pix2pix`;
-            the published one when absent.
-        max_depth: upper bound of the depth in mm.
-        pretrained: encoder weights: None, "imagenet" or the path of a file.
-        width: what the decoder's sizes scale from; 512 is published, a multiple of 64.
+        name: of a registered network.
         normals: "unc" adds a decoder of normals, "none" does not; absent, the network's own habit.
         normal_frame: what predicted normals are measured from: "camera", anywhere on the sphere; or "ray",
             always facing the camera, for which the network is called as `network(image, rays)`.
-        options: what else the network's own class takes.
+        options: keyword arguments of the network's own class, checked against its signature. An `encoder` or
+            a `width` of None is the network's default.
 
     Raises:
-        ValueError: the name is unknown, or the encoder or the normals do not fit.
+        OptionError: the name or an option is unknown, or a value breaks a rule; one line for each.
 
     >>> create("bts", encoder="resnet18", width=64).tasks
     ('depth',)
     >>> create("bts", encoder="resnet18", width=64, normals="unc").tasks
     ('depth', 'normals')
     """
-    if max_depth <= 0:
-        raise ValueError(f"model.max_depth: expected mm above 0, got {max_depth}")
-    kind: Any = NETWORKS[check_known("model.name", name, NETWORKS)]
+    part = MODELS[name]
     check_known("model.normal_frame", normal_frame, NORMAL_FRAMES)
-    options |= {} if encoder is None else {"encoder": encoder}
-    if name in WITH_NORMALS:
-        if normals == "none":
-            raise ValueError(f"model.normals: {name} always predicts normals; take bts_cbam for depth alone")
-        options["normal_frame"] = normal_frame
-    elif normal_frame == "ray" and normals != "unc":
-        raise ValueError("model.normal_frame: ray is for predicted normals; take normals=unc")
-    network: DepthNetwork = kind(max_depth=max_depth, pretrained=pretrained, width=width, **options)
-    asked = normals is not None and check_known("model.normals", normals, NORMALS) == "unc"
-    if asked and network.normal_decoder is None:
-        network.add_normals(width, normal_frame)
-    return network.to(memory_format=network.memory_format)
+    wanted = None if normals is None else check_known("model.normals", normals, NORMALS)
+    if wanted == "none" and "normals" in part.facts["predicts"]:
+        raise OptionError(f"model.normals: {name} always predicts normals{instead(part)}")
+    network: nn.Module = part.build(**_arguments(part, {**options, "normal_frame": normal_frame}))
+    by_itself = "normals" in predicts(network, part.facts["predicts"])
+    if wanted == "unc" and not by_itself:
+        _add_normals(network, part, options.get("width") or 512, normal_frame)
+    elif normal_frame == "ray" and not by_itself:
+        raise OptionError("model.normal_frame: ray is for predicted normals; take normals=unc")
+    if not hasattr(network, "tasks"):
+        network.tasks = part.facts["predicts"]
+    layout = getattr(network, "memory_format", None)
+    return network if layout is None else network.to(memory_format=layout)
+
+
+def _arguments(part: Part, given: Mapping[str, Any]) -> dict[str, Any]:
+    """What the class takes of what is given, checked.
+
+    Raises:
+        OptionError: an unknown name, or a value that breaks a rule.
+    """
+    takes = signature(part.build).parameters
+    of_all = ModelOptions.model_fields.keys() - takes.keys()
+    given = {option: value for option, value in given.items() if option not in of_all}
+    passes_on = any(parameter.kind is parameter.VAR_KEYWORD for parameter in takes.values())
+    for option in given:
+        if option not in takes and not passes_on:
+            known = [f"model.{name}" for name in takes]
+            hint = nearest_name(f"model.{option}", known)
+            raise OptionError(f"model.{option}: {part.name} has no such option{hint}")
+    absent = [name for name in ("encoder", "width") if name in given and given[name] is None]
+    given = {option: value for option, value in given.items() if option not in absent}
+    declared = {option: value for option, value in given.items() if option in part.parameters()}
+    return {**given, **checked(part.options(), declared, "model")}
+
+
+def _add_normals(network: nn.Module, part: Part, width: int, frame: str) -> None:
+    if not isinstance(network, DepthNetwork):
+        raise OptionError(
+            f"model.normals: {part.name} offers no maps for a decoder of normals; derive it from "
+            "col3d.layers.network.DepthNetwork, or let it predict normals itself"
+        )
+    network.add_normals(width, frame)

@@ -11,8 +11,11 @@ from col3d.layers.depth_decoder import DepthDecoder, FinestDepth
 from col3d.layers.encoder import Encoder
 from col3d.layers.network import DepthNetwork
 from col3d.layers.normal_decoder import Features
+from col3d.models.options import MaxDepth, Width, with_encoder
+from col3d.registry import register_model
 
 
+@register_model("bts", loss="silog", presets=with_encoder("resnet18"))
 class BTS(DepthNetwork):
     """Encoder, dense ASPP, and a decoder that is guided by local planes at 1/8, 1/4 and 1/2.
 
@@ -35,9 +38,9 @@ class BTS(DepthNetwork):
     def __init__(
         self,
         encoder: str = "resnet50",
-        max_depth: float = 100.0,
+        max_depth: MaxDepth = 100.0,
         pretrained: str | None = None,
-        width: int = 512,
+        width: Width = 512,
         *,
         attention: Callable[[int], nn.Module] = nn.Identity,
         finest: Callable[[int], nn.Module] = FinestDepth,

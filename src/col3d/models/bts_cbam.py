@@ -10,7 +10,9 @@ from col3d.layers.cbam import CBAM
 from col3d.layers.depth_decoder import FinestDepth
 from col3d.layers.planar import Reduction, cone_normals, intersect
 from col3d.models.bts import BTS
+from col3d.models.options import MaxDepth, Width, with_encoder
 from col3d.precision import at_least_float32
+from col3d.registry import register_model
 
 
 class PublishedFinestDepth(nn.Module):
@@ -32,6 +34,7 @@ FINEST_DEPTH: dict[str, Callable[[int], nn.Module]] = {
 }
 
 
+@register_model("bts_cbam", loss="silog", presets=with_encoder("resnet18"))
 class BTSCBAM(BTS):
     """BTS with CBAM on the trunk's output, on both skip connections and on the features at 1/4 and 1/2.
 
@@ -54,9 +57,9 @@ class BTSCBAM(BTS):
     def __init__(
         self,
         encoder: str = "resnet50",
-        max_depth: float = 100.0,
+        max_depth: MaxDepth = 100.0,
         pretrained: str | None = None,
-        width: int = 512,
+        width: Width = 512,
         heads: str = "house",
     ) -> None:
         finest = FINEST_DEPTH[check_known("model.heads", heads, FINEST_DEPTH)]

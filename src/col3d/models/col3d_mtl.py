@@ -1,5 +1,7 @@
 """Col3D-MTL: BTS-CBAM with a second decoder for surface normals."""
 
+from typing import Any
+
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -8,6 +10,8 @@ from col3d.geometry import unit
 from col3d.layers.normal_decoder import NormalDecoder, NormalFrame
 from col3d.layers.planar import cone_normals
 from col3d.models.bts_cbam import BTSCBAM
+from col3d.models.options import MaxDepth, Width, with_encoder
+from col3d.registry import register_model
 
 
 def published_normals(raw: Float[Tensor, "b 3 h w"]) -> Float[Tensor, "b 3 h w"]:
@@ -25,6 +29,15 @@ PUBLISHED = NormalFrame(
 )
 
 
+NORMALS_TOO: dict[str, Any] = {
+    "predicts": ("depth", "normals"),
+    "depth_alone": "bts_cbam",
+    "presets": with_encoder("resnet18"),
+}
+
+
+@register_model("col3d_mtl", loss="mtl_xtc", **NORMALS_TOO)
+@register_model("bts_cbam_mtl", loss="mtl", **NORMALS_TOO)
 class Col3DMTL(BTSCBAM):
     """One encoder and trunk, BTS-CBAM's decoder for depth, a decoder with UNC blocks for normals.
 
@@ -53,9 +66,9 @@ class Col3DMTL(BTSCBAM):
     def __init__(
         self,
         encoder: str = "resnet50",
-        max_depth: float = 100.0,
+        max_depth: MaxDepth = 100.0,
         pretrained: str | None = None,
-        width: int = 512,
+        width: Width = 512,
         heads: str = "house",
         normal_frame: str = "camera",
     ) -> None:

@@ -6,10 +6,13 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from col3d.checks import OptionError
 from col3d.layers.encoder import Encoder
 from col3d.layers.network import DepthNetwork
 from col3d.layers.normal_decoder import Features
+from col3d.models.options import MaxDepth, Width, with_encoder
 from col3d.precision import at_least_float32
+from col3d.registry import register_model
 
 FINER = ("at16", "at8", "at4")
 
@@ -74,6 +77,7 @@ class PyramidDepth(nn.Module):
             return torch.sigmoid(at_least_float32(self.head(x.to(self.head.weight.dtype))))
 
 
+@register_model("monodepth_fpn", loss="monodepth_fpn", presets=with_encoder("resnet18"))
 class MonoDepthFPN(DepthNetwork):
     """Encoder, feature pyramid, pixel shuffles, one depth map at 1/4 that is enlarged bilinearly.
 
@@ -101,13 +105,13 @@ class MonoDepthFPN(DepthNetwork):
     def __init__(
         self,
         encoder: str = "resnet50",
-        max_depth: float = 100.0,
+        max_depth: MaxDepth = 100.0,
         pretrained: str | None = None,
-        width: int = 512,
+        width: Width = 512,
     ) -> None:
         super().__init__()
         if width <= 0 or width % 4:
-            raise ValueError(f"model.width: must be a positive multiple of 4, got {width}")
+            raise OptionError(f"model.width: must be a positive multiple of 4, got {width}")
         self.encoder = Encoder(encoder, pretrained)
         at2, at4, *_ = channels = self.encoder.channels
         self.feature_channels = (at2, at4, width // 2)

@@ -7,12 +7,14 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from col3d.checks import check_known
+from col3d.checks import OptionError, check_known
 from col3d.layers.network import DepthNetwork
 from col3d.layers.normal_decoder import Features
 from col3d.layers.swin import Swin
 from col3d.layers.window_attention import WINDOW, WindowBlock
+from col3d.models.options import MaxDepth, Width, with_encoder
 from col3d.precision import at_least_float32
+from col3d.registry import register_model
 
 POOLS = (1, 2, 3, 6)
 
@@ -109,6 +111,7 @@ class NeuralCRF(nn.Module):
         return refined
 
 
+@register_model("newcrfs", loss="silog", presets=with_encoder("swin_tiny_patch4_window7_224"))
 class NeWCRFs(DepthNetwork):
     """Swin, pyramid pooling, and four stages of neural CRFs from /32 to /4, where depth is estimated.
 
@@ -136,14 +139,14 @@ class NeWCRFs(DepthNetwork):
     def __init__(
         self,
         encoder: str = "swin_large_patch4_window7_224",
-        max_depth: float = 100.0,
+        max_depth: MaxDepth = 100.0,
         pretrained: str | None = None,
-        width: int = 512,
+        width: Width = 512,
         pyramid_norm: str = "group",
     ) -> None:
         super().__init__()
         if width <= 0 or width % 64:
-            raise ValueError(f"model.width: must be a positive multiple of 64, got {width}")
+            raise OptionError(f"model.width: must be a positive multiple of 64, got {width}")
         norm = PYRAMID_NORMS[check_known("model.pyramid_norm", pyramid_norm, PYRAMID_NORMS)]
         self.max_depth = max_depth
         self.encoder = Swin(encoder, pretrained)

@@ -6,10 +6,13 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from col3d.checks import OptionError
 from col3d.layers.network import DepthNetwork
 from col3d.layers.normal_decoder import Features
 from col3d.layers.patch_gan import halve, init_normal
+from col3d.models.options import SMALLER, MaxDepth, Width
 from col3d.precision import at_least_float32
+from col3d.registry import register_model
 
 LEAST_DOWNS, MOST_DOWNS = 5, 8
 PUBLISHED_SIZE = (256, 256)
@@ -50,6 +53,7 @@ def way_up(channels: Sequence[int]) -> nn.ModuleList:
     return nn.ModuleList([double(channels[-1], channels[-2]), *later])
 
 
+@register_model("pix2pix", loss="pix2pix", task="adversarial", presets=SMALLER)
 class Pix2Pix(DepthNetwork):
     """U-Net generator of pix2pix: image in [-1, 1] -> depth in [-1, 1], which is [0, max_depth] mm.
 
@@ -69,7 +73,7 @@ class Pix2Pix(DepthNetwork):
         max_depth: upper bound of the depth in mm.
         pretrained: None: there are no weights to start from.
         width: F; the first map has F/8 channels. 512 is published.
-        size: height and width of the images it will train on, which give the number of downs; None is the
+        size_hw: height and width of the images it will train on, which give the number of downs; None is the
             published 256 x 256.
 
     Attributes:
@@ -88,17 +92,17 @@ class Pix2Pix(DepthNetwork):
     def __init__(
         self,
         encoder: str = "none",
-        max_depth: float = 100.0,
+        max_depth: MaxDepth = 100.0,
         pretrained: str | None = None,
-        width: int = 512,
-        size: tuple[int, int] | None = None,
+        width: Width = 512,
+        size_hw: tuple[int, int] | None = None,
     ) -> None:
         super().__init__()
         _refuse_encoder(encoder, pretrained)
         if width <= 0 or width % 8:
-            raise ValueError(f"model.width: must be a positive multiple of 8, got {width}")
+            raise OptionError(f"model.width: must be a positive multiple of 8, got {width}")
         self.max_depth = max_depth
-        self.downs = downs_for(size or PUBLISHED_SIZE)
+        self.downs = downs_for(size_hw or PUBLISHED_SIZE)
         self.multiple = 2**self.downs
         channels = [width // 8 * min(2**i, 8) for i in range(self.downs)]
         self.feature_channels = (channels[0], channels[1], 2 * channels[2])
@@ -136,8 +140,8 @@ class Pix2Pix(DepthNetwork):
 
 def _refuse_encoder(encoder: str, pretrained: str | None) -> None:
     if encoder != "none":
-        raise ValueError(f"model.encoder: pix2pix has an encoder of its own; expected none, got {encoder!r}")
+        raise OptionError(f"model.encoder: pix2pix has an encoder of its own; expected none, got {encoder!r}")
     if pretrained not in (None, "none"):
-        raise ValueError(
+        raise OptionError(
             f"model.pretrained: pix2pix starts from random weights; expected none, got {pretrained!r}"
         )

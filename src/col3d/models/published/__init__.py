@@ -124,7 +124,7 @@ def _load_ours(source: str, tensors: dict[str, Tensor], checkpoint: Mapping[str,
         raise ValueError(
             f"state_dict: a checkpoint of train.py must hold the options of its network; {error}"
         ) from None
-    if type(network) is not SOURCES[source].network:
+    if type(network) is not SOURCES[source].network or not isinstance(network, DepthNetwork):
         raise ValueError(f"state_dict: must hold weights of {source}; these are of {model['name']}")
     named = {name.removeprefix(OURS): name for name in tensors if name.startswith(OURS)}
     _fill(network, {name: tensors[full] for name, full in named.items()}, named)

@@ -6,7 +6,7 @@ from typing import Any, TypeVar, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from col3d.checks import UserError, nearest_name
+from col3d.checks import OptionError, UserError, nearest_name
 
 BY_NAME = {
     "task": ("supervised", "adversarial"),
@@ -27,11 +27,28 @@ def check_options(options: type[OptionsType], given: Mapping[str, Any]) -> Optio
     try:
         return options.model_validate(given)
     except ValidationError as error:
-        found: dict[str, list[ErrorDetails]] = {}
-        for detail in error.errors():
-            found.setdefault(_option(detail), []).append(detail)
-        lines = [_line(options, option, details) for option, details in found.items()]
-        raise UserError("\n".join(lines)) from None
+        raise UserError(_lines(options, error)) from None
+
+
+def checked(options: type[BaseModel], given: Mapping[str, Any], group: str) -> dict[str, Any]:
+    """Keyword arguments as the options of a group convert them.
+
+    Raises:
+        OptionError: one line for each that breaks a rule.
+    """
+    try:
+        values = options.model_validate(given)
+    except ValidationError as error:
+        raise OptionError(_lines(options, error, group)) from None
+    return {name: getattr(values, name) for name in given}
+
+
+def _lines(options: type[BaseModel], error: ValidationError, group: str = "") -> str:
+    """A line for each option that breaks a rule."""
+    found: dict[str, list[ErrorDetails]] = {}
+    for detail in error.errors():
+        found.setdefault(f"{group}.{_option(detail)}".strip("."), []).append(detail)
+    return "\n".join(_line(options, option, details) for option, details in found.items())
 
 
 def _option(detail: ErrorDetails) -> str:

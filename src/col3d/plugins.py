@@ -1,0 +1,81 @@
+"""Packages of other people whose parts join those of this one.
+
+They are named on the command line (`plugins=[mylab]`), in the environment (`COL3D_PLUGINS=mylab,theirs`), or
+by an installed package itself (entry points of the group `col3d.plugins`).
+"""
+
+import importlib
+import importlib.metadata
+import os
+import sys
+from collections.abc import Iterable
+from importlib.util import find_spec
+from pathlib import Path
+
+from col3d.checks import OptionError
+
+VARIABLE = "COL3D_PLUGINS"
+GROUP = "col3d.plugins"
+
+_loaded: dict[str, Path] = {}
+"""Folders of the packages that were imported, by name."""
+
+
+def load(names: Iterable[str] = ()) -> list[str]:
+    """Import plugins: those that are given, those of the environment and those that are installed.
+
+    Names that are given join the environment, so that processes which this one starts know them as well.
+
+    Returns:
+        Names of all that are loaded.
+
+    Raises:
+        OptionError: there is no package of that name. What goes wrong inside of one keeps its traceback.
+    """
+    given = [*_of_environment(), *names]
+    os.environ.update({VARIABLE: ",".join(dict.fromkeys(given))} if given else {})
+    for name in dict.fromkeys([*given, *_installed()]):
+        if name not in _loaded:
+            _loaded[name] = _imported(name)
+    return list(_loaded)
+
+
+def configurations() -> list[Path]:
+    """Folders `conf` of the loaded plugins, which join the search path of the configuration."""
+    return [folder / "conf" for folder in _loaded.values() if (folder / "conf").is_dir()]
+
+
+def versions() -> dict[str, str]:
+    """Versions of the loaded plugins; "unknown" for one that is not installed."""
+    distributions = importlib.metadata.packages_distributions()
+    found = {}
+    for name in _loaded:
+        owners = distributions.get(name.partition(".")[0], [])
+        found[name] = importlib.metadata.version(owners[0]) if owners else "unknown"
+    return found
+
+
+def _of_environment() -> list[str]:
+    return [name.strip() for name in os.environ.get(VARIABLE, "").split(",") if name.strip()]
+
+
+def _installed() -> list[str]:
+    return [point.module for point in importlib.metadata.entry_points(group=GROUP)]
+
+
+def _imported(name: str) -> Path:
+    here = str(Path.cwd())
+    if here not in sys.path:  # an installed command does not look where it is called, as `python -m` does
+        sys.path.append(here)
+    top = name.partition(".")[0]
+    if not all(part.isidentifier() for part in name.split(".")) or find_spec(top) is None:
+        raise OptionError(
+            f"plugins: there is no package {name!r}: install it, or put its folder on PYTHONPATH"
+        )
+    try:
+        module = importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        if error.name != name:
+            raise
+        raise OptionError(f"plugins: the package {top} has no module {name!r}") from None
+    return Path(module.__file__ or ".").parent

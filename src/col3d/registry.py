@@ -1,0 +1,202 @@
+"""The one door for parts of an experiment: networks by name, from here or from anybody's package.
+
+```python
+from col3d.registry import register_model
+
+@register_model("unet", loss="silog")
+class UNet(nn.Module): ...
+```
+
+The signature is the schema: its parameters are the options, its defaults the only defaults.
+"""
+
+import functools
+import importlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any, TypeVar
+
+from pydantic_core import PydanticUndefined
+
+from col3d import plugins
+from col3d.checks import OptionError, nearest_name
+from col3d.schema import Options, options_of, parameters, rule
+
+Built = TypeVar("Built", bound=Callable[..., Any])
+NOTHING: Mapping[str, Any] = MappingProxyType({})
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """What a name stands for.
+
+    Attributes:
+        kind: "model".
+        name: on the command line.
+        build: a class or a function; its keyword parameters are the options.
+        supplied: parameters that the program gives.
+        chooses: other groups of options that this one brings along, such as `{"loss": "silog"}`.
+        facts: what else the registration says.
+    """
+
+    kind: str
+    name: str
+    build: Callable[..., Any]
+    supplied: tuple[str, ...] = ()
+    chooses: Mapping[str, str] = field(default_factory=dict)
+    facts: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def package(self) -> str:
+        """Where it comes from: the first part of its module's name."""
+        return self.build.__module__.partition(".")[0]
+
+    @property
+    def summary(self) -> str:
+        """The first line of its docstring."""
+        return next(iter((self.build.__doc__ or "").strip().splitlines()), "")
+
+    def parameters(self) -> dict[str, tuple[Any, Any]]:
+        """Its options: annotation and default, by name."""
+        return parameters(self.build, self.supplied)
+
+    @functools.cache  # noqa: B019 - parts live as long as the program
+    def options(self, base: type[Options] = Options) -> type[Options]:
+        """Its options as a pydantic model, on top of those of `base`."""
+        return options_of(self.build, base, self.supplied)
+
+
+@dataclass
+class Registry:
+    """Parts of one kind.
+
+    Args:
+        kind: as on the command line, "model".
+        home: the module whose import registers the parts of this package.
+        supplied: parameters that the program gives to every part that has them.
+    """
+
+    kind: str
+    home: str
+    supplied: tuple[str, ...] = ()
+    parts: dict[str, Part] = field(default_factory=dict)
+
+    def register(
+        self,
+        name: str,
+        build: Built | None = None,
+        chooses: Mapping[str, str] = NOTHING,
+        **facts: Any,
+    ) -> Any:
+        """Give a name to a class or a function; without one, a decorator that does.
+
+        Raises:
+            ValueError: the name is no identifier, or another part has it.
+            SignatureError: a parameter can neither be set by an option nor left out.
+        """
+        if build is None:
+            return functools.partial(self._registered, name, chooses=chooses, facts=facts)
+        return self._registered(name, build, chooses, facts)
+
+    def _registered(
+        self, name: str, build: Built, chooses: Mapping[str, str], facts: Mapping[str, Any]
+    ) -> Built:
+        if not name.isidentifier():
+            raise ValueError(f"register_{self.kind}: a name is letters, digits and _, got {name!r}")
+        part = Part(
+            self.kind,
+            name,
+            build,
+            self.supplied,
+            chooses,
+            facts,
+        )
+        before = self.parts.get(name)
+        if before is not None and _place(before.build) != _place(build):
+            raise ValueError(
+                f"register_{self.kind}: {name!r} is {_place(before.build)} already; give "
+                f"{_place(build)} another name"
+            )
+        part.parameters()
+        self.parts[name] = part
+        return build
+
+    def __getitem__(self, name: str) -> Part:
+        """The part of a name.
+
+        Raises:
+            OptionError: nothing has that name; the nearest that is there is named.
+        """
+        self.load()
+        if name not in self.parts:
+            raise OptionError(
+                f"{self.kind}.name: {name!r} is unknown{nearest_name(str(name), self.parts)}; known: "
+                f"{', '.join(self.names())}"
+            )
+        return self.parts[name]
+
+    def names(self) -> list[str]:
+        """All names: those of this package first."""
+        self.load()
+        return sorted(self.parts, key=lambda name: (self.parts[name].package != "col3d", name))
+
+    def load(self) -> None:
+        """Import the parts of this package and of the plugins that are named."""
+        importlib.import_module(self.home)
+        plugins.load()
+
+
+def _place(build: Callable[..., Any]) -> str:
+    return f"{build.__module__}.{build.__qualname__}"
+
+
+MODELS = Registry("model", "col3d.models", supplied=("size_hw",))
+KINDS = {registry.kind: registry for registry in (MODELS,)}
+
+
+def register_model(
+    name: str,
+    build: Built | None = None,
+    *,
+    loss: str = "silog",
+    task: str = "supervised",
+    predicts: tuple[str, ...] = ("depth",),
+    depth_alone: str | None = None,
+    presets: Mapping[str, Mapping[str, Any]] = NOTHING,
+) -> Any:
+    """Register a network: any `nn.Module` that maps (image, rays) to a `Prediction`.
+
+    Args:
+        name: for `model=NAME` on the command line, and for `create`.
+        build: the class, or a function that makes the network. A parameter `size_hw` is given the height and
+            width of the frames.
+        loss: the file of `conf/loss` that it trains with unless another is named.
+        task: the file of `conf/task` likewise.
+        predicts: what it predicts by itself, of "depth" and "normals".
+        depth_alone: name of the network that is this one without normals, for hints.
+        presets: defaults of options at a `preset`, where they differ from the signature's.
+    """
+    facts = {"predicts": predicts, "depth_alone": depth_alone, "presets": presets}
+    return MODELS.register(name, build, {"loss": loss, "task": task}, **facts)
+
+
+def available(kind: str) -> list[str]:
+    """Names of the parts of a kind, such as "model"."""
+    return _registry(kind).names()
+
+
+def describe(kind: str, name: str) -> str:
+    """A part's first sentence, where it comes from, and a line for each of its options."""
+    part = _registry(kind)[name]
+    lines = [f"{part.kind} {part.name} ({part.build.__module__}.{part.build.__qualname__})", part.summary, ""]
+    for option, (annotation, default) in part.parameters().items():
+        usual = "needed" if default is PydanticUndefined else f"{default!r} unless given"
+        lines.append(f"  {part.kind}.{option}: {rule(annotation)}; {usual}")
+    return "\n".join(lines)
+
+
+def _registry(kind: str) -> Registry:
+    if kind not in KINDS:
+        raise OptionError(f"kind: {kind!r} is unknown{nearest_name(kind, KINDS)}; known: {', '.join(KINDS)}")
+    return KINDS[kind]

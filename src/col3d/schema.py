@@ -1,0 +1,156 @@
+"""Options that are checked: the signature of a class or a function as a pydantic model."""
+
+import inspect
+import warnings
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import asdict, is_dataclass
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model, field_validator
+from pydantic.fields import FieldInfo
+from pydantic_core import PydanticCustomError, PydanticUndefined
+
+LARGEST, LARGEST_WHOLE = 1e30, 1e18
+PLAIN = (bool, int, float, str, NoneType, Path)
+CONTAINERS = (list, tuple, Sequence, dict, Mapping, Literal, Union, UnionType, Annotated)
+
+NoneWord = BeforeValidator(lambda value: None if value == "none" else value)
+"""Lets `none` on a command line stand for null."""
+
+
+class Options(BaseModel):
+    """Base of all groups of options: nothing that is not declared, nothing changed once checked."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, protected_namespaces=())
+
+    @field_validator("*")
+    @classmethod
+    def _are_small(cls, value: Any) -> Any:
+        """Numbers beyond what torch can take as float32 or as int64 would end in its own words."""
+        for number in value if isinstance(value, list) else [value]:
+            most = LARGEST_WHOLE if isinstance(number, int) else LARGEST
+            if isinstance(number, int | float) and abs(number) > most:
+                raise PydanticCustomError("too_large", f"numbers between {-most:g} and {most:g}")
+        return value
+
+
+class SignatureError(TypeError):
+    """A parameter that no option can set; the message names the callable and the parameter."""
+
+
+def parameters(build: Callable[..., Any], supplied: Collection[str] = ()) -> dict[str, tuple[Any, Any]]:
+    """Parameters that can be options: their annotation and default, by name.
+
+    Args:
+        build: a class or a function. Parameters without an annotation take any plain value; those whose
+            default is no plain value (such as a class) are left to Python.
+        supplied: names of parameters that are given by the program.
+
+    Returns:
+        Name to (annotation, default); a parameter without a default has pydantic's `PydanticUndefined`.
+
+    Raises:
+        SignatureError: a parameter has no default and no type that a value of an option can have, or an
+            annotation names what cannot be found.
+
+    >>> def net(image, dropout: float = 0.1, *, norm: type = dict): ...
+    >>> parameters(net, supplied=("image",))
+    {'dropout': (<class 'float'>, 0.1)}
+    """
+    found = {}
+    hints = _hints(build)
+    for name, parameter in inspect.signature(build).parameters.items():
+        rest = parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
+        if rest or name in supplied or name.startswith("_"):
+            continue
+        annotation = hints.get(name, Any)
+        required = parameter.default is parameter.empty
+        if not _is_plain_type(annotation) or not (required or _is_plain(parameter.default)):
+            if required:
+                raise SignatureError(
+                    f"{_named(build)}: parameter {name!r} needs a default, or a type of plain values "
+                    f"(numbers, text, lists of them); it has {annotation}"
+                )
+            continue
+        if parameter.kind is parameter.POSITIONAL_ONLY:
+            raise SignatureError(f"{_named(build)}: parameter {name!r} must be one that can be given by name")
+        found[name] = (annotation, PydanticUndefined if required else parameter.default)
+    return found
+
+
+def options_of(
+    build: Callable[..., Any], base: type[Options] = Options, supplied: Collection[str] = ()
+) -> type[Options]:
+    """A model of the options that a callable takes, on top of those of `base`.
+
+    Raises:
+        SignatureError: as `parameters`.
+    """
+    fields: dict[str, Any] = {}
+    for name, (annotation, default) in parameters(build, supplied).items():
+        may_be_none = default is None or NoneType in get_args(_bare(annotation))
+        kind = Annotated[annotation | None, NoneWord] if may_be_none else annotation
+        fields[name] = (kind, Field(default=default, validate_default=True))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # a parameter may be called as a method of pydantic's
+        return create_model(build.__name__, __base__=base, **fields)
+
+
+def rule(annotation: Any) -> str:
+    """What a value has to be, in words: its type and the bounds of pydantic or annotated-types.
+
+    >>> rule(Annotated[float, Field(ge=0, lt=1)])
+    'float, ge=0, lt=1'
+    """
+    bare = _bare(annotation)
+    named = isinstance(bare, type) and not get_args(bare)
+    kind = bare.__name__ if named else str(bare).replace("typing.", "")
+    if get_origin(annotation) is not Annotated:
+        return kind
+    bounds = FieldInfo.from_annotation(annotation).metadata
+    said = [asdict(bound) for bound in bounds if is_dataclass(bound) and not isinstance(bound, type)]
+    return ", ".join([kind, *(f"{key}={value}" for bound in said for key, value in bound.items())])
+
+
+def plain(value: Any) -> Any:
+    """A default as YAML has it: tuples as lists, paths as text."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(inner) for inner in value]
+    return str(value) if isinstance(value, Path) else value
+
+
+def _hints(build: Callable[..., Any]) -> dict[str, Any]:
+    target = build.__init__ if inspect.isclass(build) else build
+    try:
+        return get_type_hints(target, include_extras=True)
+    except NameError as error:
+        raise SignatureError(f"{_named(build)}: {error} (in its annotations)") from None
+
+
+def _named(build: Callable[..., Any]) -> str:
+    return f"{build.__module__}.{build.__qualname__}"
+
+
+def _bare(annotation: Any) -> Any:
+    return get_args(annotation)[0] if get_origin(annotation) is Annotated else annotation
+
+
+def _is_plain_type(annotation: Any) -> bool:
+    annotation = _bare(annotation)
+    origin = get_origin(annotation)
+    if annotation is Any or annotation in (*PLAIN, *CONTAINERS) or origin is Literal:
+        return True
+    inner = [kind for kind in get_args(annotation) if kind is not Ellipsis]
+    return origin in CONTAINERS and all(map(_is_plain_type, inner))
+
+
+def _is_plain(value: Any) -> bool:
+    if isinstance(value, Mapping):
+        return all(isinstance(key, str) and _is_plain(inner) for key, inner in value.items())
+    if isinstance(value, list | tuple):
+        return all(map(_is_plain, value))
+    return isinstance(value, PLAIN)
