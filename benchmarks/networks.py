@@ -177,7 +177,8 @@ def step(module: nn.Module, forward: Callable[..., Prediction], batch: Batch, bf
         parameter.grad = None
     with torch.autocast(batch["image"].device.type, torch.bfloat16, enabled=bf16):
         prediction = forward(batch["image"])
-    loss = WeightedLoss([0.5, 0.3, 0.2], normals="l1", consistency="rmse")
+    terms = {"depth": "silog", "normals": "normal_l1", "consistency": "cross_task_rmse"}
+    loss = WeightedLoss([0.5, 0.3, 0.2], terms)
     loss(prediction, batch, 0)["total"].backward()
 
 

@@ -34,8 +34,10 @@ def _overrides(arguments: list[str]) -> list[str]:
 
 
 def as_groups(argument: str) -> list[str]:
-    """How Hydra wants a choice inside `data` said: `data.test=simcol3d`, `data.also=[simcol3d,c3vdv2]`."""
+    """How Hydra wants said what its grammar has other words for: `data.test=simcol3d`, a term of a loss."""
     option, _, value = argument.partition("=")
+    if option.startswith("loss.terms."):  # of a mapping that is open to more
+        return [f"++{argument}"]
     names = value.strip("[]").split(",")
     if option == "data.split" and (CONF / "data/split" / f"{value}.yaml").is_file():
         return [f"data/split={value}"]

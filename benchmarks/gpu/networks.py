@@ -112,5 +112,5 @@ def subject(
     name: str, module: nn.Module, forward: Callable[[Tensor], Prediction], options: TrainOptions
 ) -> Subject:
     """A module with loss and optimiser of its options."""
-    loss = WeightedLoss(**options.loss.model_dump(), max_depth=options.model.max_depth)
+    loss = WeightedLoss(options.loss.lambdas, options.loss.terms, options.model.max_depth)
     return Subject(name, module, forward, loss, build.optimizer(options.optimizer)(module))

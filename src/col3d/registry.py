@@ -1,4 +1,4 @@
-"""The one door for parts of an experiment: networks by name, from here or from anybody's package.
+"""The one door for parts of an experiment: networks and losses by name, from here or from anybody's package.
 
 ```python
 from col3d.registry import register_model
@@ -32,7 +32,7 @@ class Part:
     """What a name stands for.
 
     Attributes:
-        kind: "model".
+        kind: "model" or "loss".
         name: on the command line.
         build: a class or a function; its keyword parameters are the options.
         supplied: parameters that the program gives.
@@ -74,11 +74,13 @@ class Registry:
     Args:
         kind: as on the command line, "model".
         home: the module whose import registers the parts of this package.
+        option: where a name of one is given, as messages say it.
         supplied: parameters that the program gives to every part that has them.
     """
 
     kind: str
     home: str
+    option: str
     supplied: tuple[str, ...] = ()
     parts: dict[str, Part] = field(default_factory=dict)
 
@@ -131,7 +133,7 @@ class Registry:
         self.load()
         if name not in self.parts:
             raise OptionError(
-                f"{self.kind}.name: {name!r} is unknown{nearest_name(str(name), self.parts)}; known: "
+                f"{self.option}: {name!r} is unknown{nearest_name(str(name), self.parts)}; known: "
                 f"{', '.join(self.names())}"
             )
         return self.parts[name]
@@ -151,8 +153,9 @@ def _place(build: Callable[..., Any]) -> str:
     return f"{build.__module__}.{build.__qualname__}"
 
 
-MODELS = Registry("model", "col3d.models", supplied=("size_hw",))
-KINDS = {registry.kind: registry for registry in (MODELS,)}
+MODELS = Registry("model", "col3d.models", option="model.name", supplied=("size_hw",))
+LOSSES = Registry("loss", "col3d.losses.terms", "loss.terms", ("prediction", "batch", "max_depth"))
+KINDS = {registry.kind: registry for registry in (MODELS, LOSSES)}
 
 
 def register_model(
@@ -179,6 +182,25 @@ def register_model(
     """
     facts = {"predicts": predicts, "depth_alone": depth_alone, "presets": presets}
     return MODELS.register(name, build, {"loss": loss, "task": task}, **facts)
+
+
+def register_loss(
+    name: str,
+    build: Built | None = None,
+    *,
+    needs: tuple[str, ...] = ("depth",),
+    truth: tuple[str, ...] = (),
+) -> Any:
+    """Register a term of a loss: a function (prediction, batch, **options) -> scalar.
+
+    Args:
+        name: for `loss.terms.<entry>=NAME`.
+        build: the function. It is zero at the truth, and gives pixels outside of `batch["mask"]` no gradient.
+            A parameter `max_depth` is given the network's maximum depth in mm.
+        needs: what the network has to predict for it, of "depth" and "normals".
+        truth: what has to be known for it beside depth: "normals".
+    """
+    return LOSSES.register(name, build, needs=needs, truth=truth)
 
 
 def available(kind: str) -> list[str]:

@@ -29,16 +29,16 @@ def jobs_of(*experiments: str, seeds: tuple[int, ...] = (0,)) -> list[Job]:
 
 def test_the_ablation_has_the_rows_of_the_paper() -> None:
     rows = [
-        (j.options.model.name, j.options.loss.normals, j.options.loss.consistency)
+        (j.options.model.name, *(term.term for term in j.options.loss.terms.values()))
         for j in jobs_of("ablation")
     ]
     assert rows == [
-        ("bts", None, None),
-        ("bts_cbam", None, None),
-        ("bts_cbam_mtl", "l1", None),
-        ("bts_cbam_mtl", "l2", None),
-        ("col3d_mtl", "l1", "rmse"),
-        ("col3d_mtl", "l2", "rmse"),
+        ("bts", "silog"),
+        ("bts_cbam", "silog"),
+        ("bts_cbam_mtl", "silog", "normal_l1"),
+        ("bts_cbam_mtl", "silog", "normal_rmse"),
+        ("col3d_mtl", "silog", "normal_l1", "cross_task_rmse"),
+        ("col3d_mtl", "silog", "normal_rmse", "cross_task_rmse"),
     ]
 
 

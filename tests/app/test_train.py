@@ -147,7 +147,8 @@ def test_what_is_no_checkpoint_of_ours_is_refused(tiny: Compose, tmp_path: Path)
 
 
 def test_bfloat16_and_pinhole_geometry_step(tiny: Compose) -> None:
-    assert 0 < train(tiny("trainer.precision=bf16-mixed", "loss.geometry=pinhole", "loss.normals=l2")) < 100
+    other = ("loss.terms.consistency.geometry=pinhole", "loss.terms.normals.term=normal_rmse")
+    assert 0 < train(tiny("trainer.precision=bf16-mixed", *other)) < 100
 
 
 def test_two_processes_score_each_frame_once(tiny: Compose, tmp_path: Path) -> None:

@@ -182,7 +182,7 @@ def test_losses_and_scores_of_normals_count_known_normals(frames: Callable[..., 
     assert 0 < known.sum() < batch["mask"].sum()
     network = Constant()
     prediction = network(batch["image"], batch["rays"])
-    loss = WeightedLoss((1.0, 1.0), normals="l1")(prediction, batch)
+    loss = WeightedLoss((1.0, 1.0), {"depth": "silog", "normals": "normal_l1"})(prediction, batch)
     expected = (prediction["normals"] - batch["normals"]).abs()[known.expand(-1, 3, -1, -1)].mean()
     torch.testing.assert_close(loss["normals"], expected)
     changed = batch | {"normals": torch.where(known, batch["normals"], 0.0)}
@@ -210,7 +210,7 @@ def test_a_frame_without_normals_has_none_in_the_table(
 
 def test_validation_means_are_over_frames_with_normals(frames: Callable[..., FolderFrames]) -> None:
     batch = batch_of(frames(0.5, "derived"))
-    task = SupervisedTask(Constant(), WeightedLoss((1.0, 1.0), normals="l1"))
+    task = SupervisedTask(Constant(), WeightedLoss((1.0, 1.0), {"depth": "silog", "normals": "normal_l1"}))
     batch["normals"][1] = 0
     task.validation_step(batch, 0)
     assert task.val_metrics["normals"].frames == 1

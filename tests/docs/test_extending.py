@@ -13,11 +13,13 @@ from pages import PROJECT, blocks, file_of
 
 PAGE = PROJECT / "docs" / "extending.md"
 RUN = (
-    "model=plain",
-    "model.normals=unc",
-    "model.encoder=lcnet_035",
-    "loss=mtl",
-    "loss.normals=cosine",
+    "plugins=[mylab]",
+    "model=unet",
+    "model.dropout=0.2",
+    "loss.terms.depth.term=berhu",
+    "loss.terms.depth.threshold=0.1",
+    "loss.terms.edges=gradient_l1",
+    "loss.lambdas=[1.0,0.5]",
     "data=disparity",
     "data.split.train=[a]",
     "data.split.val=[b]",
@@ -53,6 +55,7 @@ def extended(tmp_path: Path) -> Path:
                 content = changed(path.read_text(encoding="utf-8"), content)
             else:
                 assert not path.exists()
+            path.parent.mkdir(exist_ok=True)
             path.write_text(content, encoding="utf-8")
     return project
 
@@ -81,7 +84,8 @@ def test_the_worked_steps_train(extended: Path, tmp_path: Path) -> None:
         check=False,
     )
     assert answer.returncode == 0, answer.stderr
-    assert "Normals: plain on disparity, test split, seed 0, protocol near" in answer.stdout
+    assert "minimises 1 berhu(threshold=0.1) + 0.5 gradient_l1" in answer.stdout
+    assert "Depth: unet on disparity, test split, seed 0, protocol near" in answer.stdout
 
 
 def test_the_worked_steps_are_in_the_style_of_the_project(extended: Path) -> None:

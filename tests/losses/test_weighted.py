@@ -39,13 +39,15 @@ def lens(look: Any) -> Batch:
 @pytest.mark.parametrize(
     ("normals", "consistency", "functions"),
     [
-        ("l1", "rmse", (silog, normal_l1, cross_task_rmse)),
-        ("l2", "l1", (silog, normal_rmse, cross_task_l1)),
+        ("normal_l1", "cross_task_rmse", (silog, normal_l1, cross_task_rmse)),
+        ("normal_rmse", "cross_task_l1", (silog, normal_rmse, cross_task_l1)),
     ],
 )
 def test_terms_and_their_sum(lens: Batch, normals: Any, consistency: Any, functions: Any) -> None:
     guess = guess_of(lens)
-    found = WeightedLoss([0.5, 0.3, 0.2], normals=normals, consistency=consistency)(guess, lens)
+    found = WeightedLoss([0.5, 0.3, 0.2], {"depth": "silog", "normals": normals, "consistency": consistency})(
+        guess, lens
+    )
     mask, derived = lens["mask"], normals_from_depth(guess["depth"], lens["rays"], lens["mask"])
     depth = functions[0](guess["depth"], lens["depth"], mask)
     normals = functions[1](guess["normals"], lens["normals"], mask)
@@ -58,41 +60,45 @@ def test_terms_and_their_sum(lens: Batch, normals: Any, consistency: Any, functi
 
 
 @pytest.mark.parametrize(
-    ("term", "form", "function", "factor"),
+    ("term", "function", "factor"),
     [
-        ("depth", "silog", silog, 1),
-        ("depth", "rmse_log", rmse_log, 1),
-        ("depth", "l1", depth_l1, 2 / 80),
-        ("gradients", "l1", gradient_l1, 1 / 80),
-        ("directions", "cosine", gradient_direction, 1),
+        ("silog", silog, 1),
+        ("rmse_log", rmse_log, 1),
+        ("depth_l1", depth_l1, 2 / 80),
+        ("gradient_l1", gradient_l1, 1 / 80),
+        ("gradient_direction", gradient_direction, 1),
     ],
 )
 def test_terms_of_depth_are_their_functions_at_their_scale(
-    lens: Batch, term: str, form: str, function: Any, factor: float
+    lens: Batch, term: str, function: Any, factor: float
 ) -> None:
     depth = guess_of(lens)["depth"]
-    lambdas = [1.0] if term == "depth" else [1.0, 1.0]
-    forms: dict[str, Any] = {term: form}
-    found = WeightedLoss(lambdas, **forms, max_depth=80.0)({"depth": depth}, lens)[term]
+    found = WeightedLoss([1.0], {"x": term}, max_depth=80.0)({"depth": depth}, lens)["x"]
     torch.testing.assert_close(found, factor * function(depth, lens["depth"], lens["mask"]))
     assert found > 0
 
 
 def test_the_loss_of_pix2pix_is_100_times_the_error_of_depth_in_minus_1_to_1(lens: Batch) -> None:
     depth = guess_of(lens)["depth"]
-    found = WeightedLoss([100.0], depth="l1", max_depth=80.0)({"depth": depth}, lens)["total"]
+    found = WeightedLoss([100.0], {"depth": "depth_l1"}, max_depth=80.0)({"depth": depth}, lens)["total"]
     ours, theirs = (2 * values.double().numpy() / 80 - 1 for values in (depth, lens["depth"]))
     expected = 100 * np.abs(ours - theirs)[lens["mask"].numpy()].mean()
     assert found.item() == pytest.approx(expected, rel=1e-5)
 
 
-MONODEPTH_FPN: dict[str, Any] = {"depth": "rmse_log", "gradients": "l1", "directions": "cosine"}
+MONODEPTH_FPN: dict[str, Any] = {
+    "depth": "rmse_log",
+    "gradients": {"term": "gradient_l1", "from_epoch": 4},
+    "directions": {"term": "gradient_direction", "from_epoch": 8},
+}
+NORMALS = {"depth": "silog", "normals": "normal_l1"}
+CONSISTENT: dict[str, Any] = {**NORMALS, "consistency": "cross_task_rmse"}
 
 
 @pytest.mark.parametrize(("epoch", "count"), [(0, 1), (3, 1), (4, 2), (7, 2), (8, 3), (99, 3), (None, 3)])
 def test_a_term_counts_from_its_epoch_and_is_told_before(lens: Batch, epoch: int | None, count: int) -> None:
     lambdas = [1.0, 10.0, 2.0]
-    loss = WeightedLoss(lambdas, **MONODEPTH_FPN, from_epoch=[0, 4, 8])
+    loss = WeightedLoss(lambdas, MONODEPTH_FPN)
     found = loss(guess_of(lens), lens, epoch)
     assert list(found) == [*MONODEPTH_FPN, "total"]
     assert all(found[name] > 0 for name in MONODEPTH_FPN)
@@ -106,20 +112,16 @@ def test_before_a_term_counts_its_prediction_has_a_gradient_of_zero(lens: Batch)
     """DDP waits for the gradient of every parameter."""
     maps: dict[str, Any] = {**guess_of(lens)}
     guess = {key: value.requires_grad_() for key, value in maps.items()}
-    found = WeightedLoss([0.5, 0.5], normals="l1", from_epoch=[2, 1])(guess, lens, 0)
+    later = {name: {"term": term, "from_epoch": 2 - i} for i, (name, term) in enumerate(NORMALS.items())}
+    found = WeightedLoss([0.5, 0.5], later)(guess, lens, 0)
     assert found["total"] == 0
     found["total"].backward()
     assert all(torch.equal(value.grad, torch.zeros_like(value)) for value in guess.values())
 
 
 def test_a_frame_without_truth_adds_nothing(lens: Batch) -> None:
-    options: dict[str, Any] = {
-        "normals": "l1",
-        "consistency": "rmse",
-        "gradients": "l1",
-        "directions": "cosine",
-    }
-    loss, maps = WeightedLoss([1.0] * 5, depth="l1", **options), {**guess_of(lens)}
+    terms = {**CONSISTENT, **MONODEPTH_FPN, "depth": "depth_l1"}
+    loss, maps = WeightedLoss([1.0] * 5, terms), {**guess_of(lens)}
     one: Any = {key: value[:1] for key, value in lens.items()}
     expected = loss({key: value[:1] for key, value in maps.items()}, one)  # type: ignore[attr-defined]
     lens["mask"] = lens["mask"] & torch.tensor([True, False])[:, None, None, None]
@@ -135,37 +137,33 @@ def test_a_frame_without_truth_adds_nothing(lens: Batch) -> None:
 
 def test_depth_alone_needs_no_normals(lens: Batch) -> None:
     del lens["normals"]
-    found = WeightedLoss([2.0])({"depth": lens["depth"] * 1.3}, lens)
+    found = WeightedLoss([2.0], {"depth": "silog"})({"depth": lens["depth"] * 1.3}, lens)
     assert set(found) == {"depth", "total"}
     assert found["total"] == 2 * found["depth"]
 
 
 @pytest.mark.parametrize(
-    ("lambdas", "names", "message"),
+    ("lambdas", "terms", "message"),
     [
-        ([0.5, 0.5], {}, r"loss\.lambdas: expected 1 numbers \(depth\), got 2"),
-        (
-            [0.5, 0.5],
-            {"normals": "l1", "consistency": "l1"},
-            r"expected 3 .*depth, normals, consistency.* got 2",
-        ),
-        ([], {}, r"loss\.lambdas: expected 1"),
-        ([1.0], {"from_epoch": [0, 1]}, r"loss\.from_epoch: expected 1 numbers \(depth\), got 2: \[0, 1\]"),
-        ([1.0, 1.0], {"gradients": "l2"}, r"loss\.gradients: 'l2' is unknown"),
-        ([1.0, 1.0], {"directions": "cosin"}, r"loss\.directions: 'cosin' is unknown; did you mean 'cosine'"),
-        ([1.0], {"depth": "silogg"}, r"loss\.depth: 'silogg' is unknown; did you mean 'silog'"),
-        ([1.0, 1.0], {"normals": "l3"}, r"loss\.normals: 'l3' is unknown"),
-        ([1.0, 1.0], {"consistency": "mse"}, r"loss\.consistency: 'mse' is unknown"),
-        ([1.0], {"geometry": "ray"}, r"loss\.geometry: 'ray' is unknown; did you mean 'rays'"),
+        ([0.5, 0.5], {"depth": "silog"}, r"loss\.lambdas: expected 1 number\(s\) \(depth\), got 2"),
+        ([0.5, 0.5], CONSISTENT, r"expected 3 .*depth, normals, consistency.* got 2"),
+        ([], {"depth": "silog"}, r"loss\.lambdas: expected 1"),
+        ([1.0], {"depth": "silogg"}, r"loss\.terms: 'silogg' is unknown; did you mean 'silog'"),
+        ([1.0], {"depth": {"term": "silog", "from_epoch": -1}}, "greater than or equal to 0"),
+        ([1.0], {"depth": {"term": "silog", "variance": 0.5}}, "variance"),
+        ([1.0], {"depth": {"name": "silog"}}, r"loss\.terms: a term is a name or \{term: NAME"),
+        ([1.0], {"x": {"term": "cross_task_l1", "geometry": "ray"}}, "'rays' or 'pinhole'"),
     ],
 )
-def test_wrong_options(lambdas: list[float], names: dict[str, Any], message: str) -> None:
+def test_wrong_options(lambdas: list[float], terms: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        WeightedLoss(lambdas, **names)
+        WeightedLoss(lambdas, terms)
 
 
 def consistency(batch: Batch, guess: Prediction, geometry: str) -> Tensor:
-    loss = WeightedLoss([0.5, 0.3, 0.2], normals="l1", consistency="rmse", geometry=geometry)
+    loss = WeightedLoss(
+        [0.5, 0.3, 0.2], {**NORMALS, "consistency": {"term": "cross_task_rmse", "geometry": geometry}}
+    )
     found: Tensor = loss(guess, batch)["consistency"]
     return found
 
@@ -190,11 +188,11 @@ def test_geometries_differ_under_the_true_lens(lens: Batch) -> None:
     assert consistency(lens, truth, "pinhole") > 0.1
 
 
-@pytest.mark.parametrize("name", ["rmse", "l1"])
+@pytest.mark.parametrize("name", ["cross_task_rmse", "cross_task_l1"])
 def test_consistent_tasks_cost_nothing(lens: Batch, name: str) -> None:
     depth = guess_of(lens)["depth"].requires_grad_()
     normals = normals_from_depth(depth.detach(), lens["rays"], lens["mask"]).requires_grad_()
-    found = WeightedLoss([0.0, 0.0, 1.0], normals="l1", consistency=name)(
+    found = WeightedLoss([0.0, 0.0, 1.0], {**NORMALS, "consistency": name})(
         {"depth": depth, "normals": normals}, lens
     )
     found["total"].backward()
@@ -211,9 +209,7 @@ def test_every_prediction_learns_and_masked_pixels_do_not(lens: Batch) -> None:
     normals = torch.where(outside, torch.nan, guess["normals"]).requires_grad_()
     for key in ("depth", "normals"):
         lens[key] = torch.where(outside, torch.nan, lens[key])  # type: ignore[literal-required]
-    found = WeightedLoss([0.5, 0.3, 0.2], normals="l1", consistency="rmse")(
-        {"depth": depth, "normals": normals}, lens
-    )
+    found = WeightedLoss([0.5, 0.3, 0.2], CONSISTENT)({"depth": depth, "normals": normals}, lens)
     found["total"].backward()
     assert found["total"].isfinite()
     for values in (depth, normals):
@@ -228,8 +224,19 @@ def test_half_precision_under_autocast(lens: Batch) -> None:
     guess = guess_of(lens)
     half: Prediction = {"depth": guess["depth"].bfloat16(), "normals": guess["normals"].bfloat16()}
     wide: Prediction = {"depth": half["depth"].float(), "normals": half["normals"].float()}
-    loss = WeightedLoss([0.5, 0.3, 0.2], normals="l1", consistency="rmse")
+    loss = WeightedLoss([0.5, 0.3, 0.2], CONSISTENT)
     with torch.autocast("cpu", dtype=torch.bfloat16):
         found = loss(half, lens)
     assert found["total"].dtype == torch.float32
     assert torch.equal(found["total"], loss(wide, lens)["total"])
+
+
+def test_a_term_may_be_any_function_and_the_sum_says_what_it_is(lens: Batch) -> None:
+    def far(prediction: Prediction, batch: Batch) -> Tensor:
+        return prediction["depth"].max()
+
+    pinhole = {"term": "cross_task_rmse", "geometry": "pinhole"}
+    loss = WeightedLoss([0.5, 0.25, 2.0], {"depth": "silog", "own": far, "agreement": pinhole})
+    assert loss.formula == "0.5 silog + 0.25 own + 2 cross_task_rmse(geometry=pinhole)"
+    guess = guess_of(lens)
+    assert torch.equal(loss(guess, lens)["own"], guess["depth"].max())

@@ -17,23 +17,30 @@ VIDEOS = {
     "sigmoid_t3_b": "sigmoid",
     "trans_t3_b": "transverse",
 }
-SILOG = {"depth": "silog", "normals": None, "consistency": None, "lambdas": [1.0]}
+SILOG = {"terms": {"depth": {"term": "silog"}}, "lambdas": [1.0]}
+NORMALS = {"depth": {"term": "silog"}, "normals": {"term": "normal_l1"}}
+CONSISTENT = {**NORMALS, "consistency": {"term": "cross_task_rmse", "geometry": "rays"}}
 LOSSES: dict[str, dict[str, Any]] = {
     "bts": SILOG,
     "bts_cbam": SILOG,
     "newcrfs": SILOG,
-    "bts_cbam_mtl": {"depth": "silog", "normals": "l1", "consistency": None, "lambdas": [0.5, 0.5]},
-    "col3d_mtl": {"depth": "silog", "normals": "l1", "consistency": "rmse", "lambdas": [0.5, 0.3, 0.2]},
-    "pix2pix": {"depth": "l1", "normals": None, "consistency": None, "lambdas": [100.0]},
+    "bts_cbam_mtl": {"terms": NORMALS, "lambdas": [0.5, 0.5]},
+    "col3d_mtl": {"terms": CONSISTENT, "lambdas": [0.5, 0.3, 0.2]},
+    "pix2pix": {"terms": {"depth": {"term": "depth_l1"}}, "lambdas": [100.0]},
     "monodepth_fpn": {
-        "depth": "rmse_log",
-        "gradients": "l1",
-        "directions": "cosine",
-        "normals": None,
-        "consistency": None,
+        "terms": {
+            "depth": {"term": "rmse_log"},
+            "gradients": {"term": "gradient_l1", "from_epoch": 4},
+            "directions": {"term": "gradient_direction", "from_epoch": 8},
+        },
         "lambdas": [1.0, 10.0, 1.0],
     },
 }
+
+
+def with_rmse(model: str) -> dict[str, Any]:
+    """Terms of a network's loss with normals by their root mean squared error."""
+    return {**LOSSES[model]["terms"], "normals": {"term": "normal_rmse"}}
 
 
 def options_of(model: str = "bts", seed: int = 0, **changes: Any) -> dict[str, Any]:
@@ -49,7 +56,7 @@ def options_of(model: str = "bts", seed: int = 0, **changes: Any) -> dict[str, A
             "normal_frame": "camera",
             "width": 128,
         },
-        "loss": {"gradients": None, "directions": None, "geometry": "rays", **LOSSES[model]},
+        "loss": {**LOSSES[model]},
         "data": {
             "name": "phantom",
             "root": "/data/phantom",
@@ -151,6 +158,6 @@ def write_paper(root: Path, seeds: Sequence[int] = (0, 1)) -> Path:
         for number, model in enumerate(names):
             write_run(root / f"{model}_{seed}", model, seed, worse=1.0 - 0.03 * number)
             if model in ("bts_cbam_mtl", "col3d_mtl"):
-                write_run(root / f"{model}_l2_{seed}", model, seed, worse=1.05, loss__normals="l2")
+                write_run(root / f"{model}_l2_{seed}", model, seed, worse=1.05, loss__terms=with_rmse(model))
         write_run(root / f"weights_{seed}", "col3d_mtl", seed, worse=0.97, loss__lambdas=[0.4, 0.3, 0.3])
     return root

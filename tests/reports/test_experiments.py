@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from col3d.earlier import updated
 from col3d.reports.experiments import (
     Experiment,
     ablation_row,
@@ -14,7 +15,10 @@ from col3d.reports.experiments import (
 )
 from col3d.reports.paper_tables import paper_table
 from col3d.reports.runs import read_runs
-from tests.reports.fake_runs import VIDEOS, options_of, write_paper, write_run
+from tests.reports.fake_runs import CONSISTENT, VIDEOS, options_of, with_rmse, write_paper, write_run
+
+BY_L1 = {**CONSISTENT, "consistency": {"term": "cross_task_l1"}}
+PINHOLE = {**CONSISTENT, "consistency": {"term": "cross_task_rmse", "geometry": "pinhole"}}
 
 
 def tables(root: Path) -> dict[str, Experiment]:
@@ -26,16 +30,16 @@ def tables(root: Path) -> dict[str, Experiment]:
     [
         ("bts", {}, "BTS", "BTS", None),
         ("bts", {"model__normals": "unc"}, None, None, None),
-        ("bts", {"loss__depth": "l1"}, None, None, None),
+        ("bts", {"loss__terms": {"depth": {"term": "depth_l1"}}}, None, None, None),
         ("bts_cbam", {}, None, "BTS-CBAM", None),
         ("bts_cbam_mtl", {}, None, "BTS-CBAM-MTL (L1)", None),
-        ("bts_cbam_mtl", {"loss__normals": "l2"}, None, "BTS-CBAM-MTL (L2)", None),
+        ("bts_cbam_mtl", {"loss__terms": with_rmse("bts_cbam_mtl")}, None, "BTS-CBAM-MTL (L2)", None),
         ("bts_cbam_mtl", {"loss__lambdas": [0.6, 0.4]}, None, None, None),
         ("col3d_mtl", {}, "Col3D-MTL", "Col3D-MTL (L1)", "(0.5, 0.3, 0.2)"),
-        ("col3d_mtl", {"loss__normals": "l2"}, None, "Col3D-MTL (L2)", None),
+        ("col3d_mtl", {"loss__terms": with_rmse("col3d_mtl")}, None, "Col3D-MTL (L2)", None),
         ("col3d_mtl", {"loss__lambdas": [0.4, 0.3, 0.3]}, None, None, "(0.4, 0.3, 0.3)"),
-        ("col3d_mtl", {"loss__consistency": "l1"}, None, None, None),
-        ("col3d_mtl", {"loss__geometry": "pinhole"}, None, None, None),
+        ("col3d_mtl", {"loss__terms": BY_L1}, None, None, None),
+        ("col3d_mtl", {"loss__terms": PINHOLE}, None, None, None),
         ("col3d_mtl", {"model__normal_frame": "ray"}, None, None, None),
         ("newcrfs", {}, "NeWCRFs", None, None),
         ("pix2pix", {}, "pix2pix", None, None),
@@ -55,10 +59,9 @@ def test_rows_are_told_from_options(
 
 def test_options_that_older_runs_lack_count_as_defaults() -> None:
     options = options_of("col3d_mtl")
-    for name in ("gradients", "directions", "geometry"):
-        del options["loss"][name]
+    options["loss"] = {"depth": "silog", "normals": "l1", "consistency": "rmse", "lambdas": [0.5, 0.3, 0.2]}
     del options["model"]["normals"], options["model"]["normal_frame"]
-    assert benchmark_row(options) == "Col3D-MTL"
+    assert benchmark_row(updated(options)) == "Col3D-MTL"
 
 
 def test_rows_stand_in_the_papers_order_with_their_seeds(tmp_path: Path) -> None:

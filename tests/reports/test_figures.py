@@ -57,7 +57,7 @@ def paper(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for run in read_runs(root / "runs").runs:
         shutil.rmtree(run.folder)
         lambdas = run.options["loss"]["lambdas"]
-        changes = {"loss__lambdas": lambdas, "loss__normals": run.options["loss"]["normals"]}
+        changes = {"loss__lambdas": lambdas, "loss__terms": run.options["loss"]["terms"]}
         write_run(
             run.folder, str(run.summary["model"]), frames=FRAMES, worse=1 + len(run.name) / 50, **changes
         )
@@ -306,7 +306,9 @@ def test_curves_are_values_by_epoch(material: Material) -> None:
 def test_single_runs_of_other_options_are_compared(tmp_path: Path) -> None:
     """A benchmark of one method is shown beside the other runs of its setting, once each."""
     write_run(tmp_path / "one", "bts", frames=FRAMES)
-    write_run(tmp_path / "two", "bts", frames=FRAMES, model__width=64, loss__depth="l1")
+    write_run(
+        tmp_path / "two", "bts", frames=FRAMES, model__width=64, loss__terms={"depth": {"term": "depth_l1"}}
+    )
     labels = [method.label for method in material_of(read_runs(tmp_path), None).main.methods]
     assert labels == ["BTS", "two"]
 

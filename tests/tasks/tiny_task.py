@@ -25,7 +25,7 @@ QUIET: dict[str, Any] = {
     "enable_model_summary": False,
     "num_sanity_val_steps": 0,
 }
-LOSS = WeightedLoss([100.0], depth="l1", max_depth=MAX_DEPTH)
+LOSS = WeightedLoss([100.0], {"depth": "depth_l1"}, max_depth=MAX_DEPTH)
 
 
 class TinyNetwork(nn.Module):

@@ -75,7 +75,7 @@ def task(options: TrainOptions) -> SupervisedTask:
     height, width = options.data.size
     return kind(
         network(options.model, (height, width)),
-        WeightedLoss(**options.loss.model_dump(), max_depth=options.model.max_depth),
+        WeightedLoss(options.loss.lambdas, options.loss.terms, options.model.max_depth),
         optimizer(options.optimizer),
         scheduler(options.scheduler),
         options.model_dump(mode="json"),

@@ -12,6 +12,7 @@ from pydantic import (
     model_validator,
 )
 
+from col3d.losses.options import LossOptions, Weight
 from col3d.models.options import ModelOptions, model_options
 from col3d.registry import MODELS
 from col3d.reports.per_frame import DEPTH_METRICS, NORMAL_METRICS
@@ -20,7 +21,6 @@ from col3d.schema import NoneWord, Options
 Split = Literal["train", "val", "test"]
 Published = Literal["bts", "col3d_bts_cbam", "col3d_mtl_no_xtc", "col3d_mtl", "newcrfs", "monodepth_fpn"]
 """Whose weights a checkpoint holds: `col3d.models.published`."""
-Weight = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Probability = Annotated[float, Field(ge=0, le=1)]
 Side = Annotated[int, Field(ge=64)]
 """Of frames that networks see: a batch of one needs more than one cell at 1/32."""
@@ -30,25 +30,6 @@ ByName = Field(discriminator="name")
 
 Model = Annotated[SerializeAsAny[ModelOptions], PlainValidator(model_options)]
 """A registered network's options: which there are is told by its name."""
-
-
-class LossOptions(Options):
-    """Terms of `col3d.losses.WeightedLoss`, a weight for each, and the epoch from which each counts."""
-
-    depth: Literal["silog", "rmse_log", "l1"]
-    gradients: Annotated[Literal["l1"] | None, NoneWord]
-    directions: Annotated[Literal["cosine"] | None, NoneWord]
-    normals: Annotated[Literal["l1", "l2"] | None, NoneWord]
-    consistency: Annotated[Literal["rmse", "l1"] | None, NoneWord]
-    geometry: Literal["rays", "pinhole"]
-    lambdas: list[Weight]
-    from_epoch: Annotated[list[Annotated[int, Field(ge=0)]] | None, NoneWord]
-
-    @property
-    def terms(self) -> list[str]:
-        """Names of the terms in the order of their weights."""
-        names = ("depth", "gradients", "directions", "normals", "consistency")
-        return [name for name in names if getattr(self, name) is not None]
 
 
 class SupervisedOptions(Options):
@@ -313,7 +294,7 @@ class TrainOptions(Options):
         loss, model = self.loss, self.model
         tested: tuple[Split, ...] = ("test",) if self.data.test is None else ()
         self.data.split.needs("data.split", "train", "val", *tested)
-        asked = [term for term in loss.terms if term in ("normals", "consistency")]
+        asked = loss.needing("normals")
         if asked and model.normals == "none":
             raise ValueError(
                 f"loss: {' and '.join(asked)} cannot be served, because model={model.name} predicts no "
@@ -326,12 +307,11 @@ class TrainOptions(Options):
                 f"loss: model={model.name} predicts normals, and no term of this loss would teach them; "
                 f"take loss=mtl or mtl_xtc, or {depth_alone}"
             )
-        for option, given in (("lambdas", loss.lambdas), ("from_epoch", loss.from_epoch)):
-            if given is not None and len(given) != len(loss.terms):
-                raise ValueError(
-                    f"loss.{option}: expected {len(loss.terms)} number(s) for model={model.name} "
-                    f"({', '.join(loss.terms)}), got {len(given)}: {given}"
-                )
+        if len(loss.lambdas) != len(loss.terms):
+            raise ValueError(
+                f"loss.lambdas: expected {len(loss.terms)} number(s) for model={model.name} "
+                f"({', '.join(loss.terms)}), got {len(loss.lambdas)}: {loss.lambdas}"
+            )
         if len(self.protocol) > 1 or self.one_protocol[1].resolution == "native":
             raise ValueError(
                 "protocol: train.py scores under one protocol, at the network's resolution; "
@@ -352,7 +332,7 @@ class TrainOptions(Options):
             )
         if not any(loss.lambdas):
             raise ValueError(f"loss.lambdas: at least one weight must be above 0, got {loss.lambdas}")
-        if "normals" in loss.terms and self.data.normals == "none":
+        if loss.learning_from("normals") and self.data.normals == "none":
             raise ValueError("data.normals: the loss needs normals, got none; take stored or derived")
         return self
 

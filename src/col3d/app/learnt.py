@@ -19,6 +19,7 @@ from col3d.app.starts import Starts
 from col3d.batch import Prediction
 from col3d.checks import UserError
 from col3d.data.resize import resized_image
+from col3d.earlier import updated
 from col3d.geometry import Camera, unit
 from col3d.geometry.camera_file import camera_from_plain
 from col3d.layers.network import DepthNetwork, device_of
@@ -237,6 +238,6 @@ def _trained_options(checkpoint: Mapping[str, Any], path: Path) -> TrainOptions:
             f"plugins=[{','.join(absent)}], or name them in {plugins.VARIABLE}"
         )
     try:
-        return check_options(TrainOptions, given)
+        return check_options(TrainOptions, updated(given))
     except UserError as error:
         raise UserError(f"checkpoint: {path} was trained with options of another version: {error}") from None

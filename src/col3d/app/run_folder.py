@@ -14,6 +14,7 @@ from col3d.app.replacing import is_replaced
 from col3d.app.starts import STARTS, Start, Starts
 from col3d.callbacks import BestCheckpoint
 from col3d.checks import UserError
+from col3d.earlier import updated
 from col3d.owned import Owned
 from col3d.refusals import check_options
 from col3d.reports.jobs import RESULT, STATUS, TRAINING, read_plain
@@ -226,6 +227,7 @@ class RunFolder:
 
 def _completed(before: dict[str, Any]) -> dict[str, Any]:
     """Options of an earlier run with the defaults of those that have come since."""
+    before = updated(before)
     try:
         return check_options(TrainOptions, before).model_dump(mode="json")
     except UserError:

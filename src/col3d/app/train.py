@@ -40,6 +40,7 @@ from col3d.callbacks import (
 )
 from col3d.checks import UserError
 from col3d.data.datamodule import FrameDataModule
+from col3d.losses import WeightedLoss
 from col3d.refusals import check_options
 from col3d.tasks import SupervisedTask
 from col3d.whole import write_whole
@@ -105,11 +106,13 @@ def _run(options: TrainOptions, folder: RunFolder, stop: StopSignals, status: Jo
     frames = data_module(options.data, options.phantom, options.seed, test_truth=truth)
     task = build.task(options)
     say = print if is_first() else lambda line: None
+    assert isinstance(task.loss, WeightedLoss)
+    say(f"minimises {task.loss.formula}")
     if folder.cut_off is None:
         begin_from(task.network, options.init, say)
     if options.trainer.compile:
         compile_network(task.network)
-    learns_normals = options.loss.normals is not None
+    learns_normals = bool(options.loss.learning_from("normals"))
     check_truth(frames.frames, options.data, options.one_protocol[1], learns_normals, say)
     scored = Scored.after(options.data, "test")
     if is_first():

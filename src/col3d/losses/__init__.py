@@ -1,4 +1,4 @@
-"""Losses: pure functions of (preds, target, mask) that give a scalar, and their weighted sum.
+"""Losses: pure functions of (preds, target, mask) to a scalar; registered terms, and their weighted sum.
 
 All compute in float32 at least, are zero at the truth, and pass no gradient to masked pixels.
 """

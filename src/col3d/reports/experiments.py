@@ -5,26 +5,28 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from col3d.reports.options import at, differing, fingerprint, loss_of
+from col3d.reports.options import Loss, at, differing, fingerprint, loss_of
 from col3d.reports.paper_tables import LABELS, SPLIT_PARTS, ablation_label, lambda_label, paper_table
 from col3d.reports.runs import Found, Run
 from col3d.reports.setting import Setting, setting_of
 
-DEPTH_ALONE = ("silog", None, None, None, None, (1.0,))
-"""Terms of a loss (depth, gradients, directions, normals, consistency) and their weights."""
-OWN_LOSSES = {
+DEPTH_ALONE: Loss = (("silog",), (1.0,))
+"""Terms of a loss and their weights."""
+NORMAL_TERMS = {"normal_l1": "l1", "normal_rmse": "l2"}
+"""What measures normals in the ablation, as the paper calls it."""
+OWN_LOSSES: dict[str, Loss] = {
     "bts": DEPTH_ALONE,
     "newcrfs": DEPTH_ALONE,
-    "col3d_mtl": ("silog", None, None, "l1", "rmse", (0.5, 0.3, 0.2)),
-    "pix2pix": ("l1", None, None, None, None, (100.0,)),
-    "monodepth_fpn": ("rmse_log", "l1", "cosine", None, None, (1.0, 10.0, 1.0)),
+    "col3d_mtl": (("silog", "normal_l1", "cross_task_rmse"), (0.5, 0.3, 0.2)),
+    "pix2pix": (("depth_l1",), (100.0,)),
+    "monodepth_fpn": (("rmse_log", "gradient_l1", "gradient_direction"), (1.0, 10.0, 1.0)),
 }
 """Of the benchmark: each method's own loss."""
-ABLATION = {
+ABLATION: dict[str, tuple[Loss, ...]] = {
     "bts": (DEPTH_ALONE,),
     "bts_cbam": (DEPTH_ALONE,),
-    "bts_cbam_mtl": tuple(("silog", None, None, n, None, (0.5, 0.5)) for n in ("l1", "l2")),
-    "col3d_mtl": tuple(("silog", None, None, n, "rmse", (0.5, 0.3, 0.2)) for n in ("l1", "l2")),
+    "bts_cbam_mtl": tuple((("silog", n), (0.5, 0.5)) for n in NORMAL_TERMS),
+    "col3d_mtl": tuple((("silog", n, "cross_task_rmse"), (0.5, 0.3, 0.2)) for n in NORMAL_TERMS),
 }
 Label = Callable[[dict[str, Any]], str | None]
 
@@ -65,23 +67,24 @@ def ablation_row(options: dict[str, Any]) -> str | None:
     """One of the six configurations of the paper's ablation."""
     model, loss = str(at(options, "model.name")), loss_of(options)
     fits = _plain(options) and loss in ABLATION.get(model, ())
-    return ablation_label(model, loss[3]) if fits else None
+    measured = [NORMAL_TERMS[term] for term in loss[0] if term in NORMAL_TERMS]
+    return ablation_label(model, next(iter(measured), None)) if fits else None
 
 
 def lambda_row(options: dict[str, Any]) -> str | None:
     """The three weights of Col3D-MTL's loss, normals by L1 and consistency by RMSE."""
-    terms, weights = loss_of(options)[:5], loss_of(options)[5]
-    default = OWN_LOSSES["col3d_mtl"][:5]
+    terms, weights = loss_of(options)
+    default = OWN_LOSSES["col3d_mtl"][0]
     fits = at(options, "model.name") == "col3d_mtl" and _plain(options) and terms == default
     return lambda_label(weights) if fits else None
 
 
 def _plain(options: dict[str, Any]) -> bool:
-    """Heads and geometry as they are by default."""
+    """Heads as they are by default."""
     own = "unc" if at(options, "model.name") in ("bts_cbam_mtl", "col3d_mtl") else "none"
     heads = at(options, "model.normals") in (own, None)
     frame = at(options, "model.normal_frame") in ("camera", None)
-    return heads and frame and at(options, "loss.geometry") in ("rays", None)
+    return heads and frame
 
 
 ROWS: dict[str, tuple[Label, list[str]]] = {

@@ -6,9 +6,8 @@ from typing import Any
 UNRELATED = {"seed", "overwrite", "output_dir", "preset", "variant", "logger", "callbacks", "protocol"}
 """Groups and options that may differ between repetitions; the protocol is part of a table's setting."""
 UNRELATED_INSIDE = {"data.root", "data.workers", "trainer.accelerator"}
-TERMS = ("depth", "gradients", "directions", "normals", "consistency")
-Loss = tuple[Any, ...]
-"""What measures each of the terms, or None, and a tuple of their weights."""
+Loss = tuple[tuple[str, ...], tuple[float, ...]]
+"""The terms, as a formula names them, and their weights."""
 
 
 def at(options: dict[str, Any], path: str) -> Any:
@@ -21,8 +20,18 @@ def at(options: dict[str, Any], path: str) -> Any:
 
 def loss_of(options: dict[str, Any]) -> Loss:
     """Terms and weights of a run's loss."""
+    terms = at(options, "loss.terms") or {}
     weights = at(options, "loss.lambdas") or ()
-    return (*(at(options, f"loss.{term}") for term in TERMS), tuple(float(weight) for weight in weights))
+    return tuple(_term(given) for given in terms.values()), tuple(float(weight) for weight in weights)
+
+
+def _term(given: Any) -> str:
+    """A term's name, with its options where they are not as in the paper; its first epoch is left out."""
+    content = given if isinstance(given, dict) else {"term": given}
+    usual = {"term": content.get("term"), "geometry": "rays"}
+    changed = {k: v for k, v in content.items() if k != "from_epoch" and usual.get(k) != v}
+    said = ", ".join(f"{name}={value}" for name, value in changed.items())
+    return f"{content.get('term')}({said})" if said else str(content.get("term"))
 
 
 def fingerprint(options: dict[str, Any]) -> str:

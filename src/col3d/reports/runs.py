@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from col3d.earlier import updated
 from col3d.reports.per_frame import METRICS, PIXELS, STRICT, read_per_frame
 from col3d.reports.shapes import misfit
 
@@ -109,7 +110,7 @@ def _options(path: Path) -> dict[str, Any]:
     groups = ("model", "loss", "data")
     if not isinstance(options, dict) or not all(isinstance(options.get(group), dict) for group in groups):
         raise _UnusableError(f"{CONFIG} is not that of a run: {', '.join(groups)} are needed")
-    return {str(key): value for key, value in options.items()}
+    return updated({str(key): value for key, value in options.items()})
 
 
 def _summary(path: Path) -> dict[str, Any]:

@@ -1,0 +1,36 @@
+"""Options of runs of earlier versions, in today's form."""
+
+from typing import Any
+
+TERMS = {
+    "depth": {"silog": "silog", "rmse_log": "rmse_log", "l1": "depth_l1"},
+    "gradients": {"l1": "gradient_l1"},
+    "directions": {"cosine": "gradient_direction"},
+    "normals": {"l1": "normal_l1", "l2": "normal_rmse"},
+    "consistency": {"rmse": "cross_task_rmse", "l1": "cross_task_l1"},
+}
+"""What the terms of a loss were called, in the order of their weights, until they had names of their own."""
+
+
+def updated(options: dict[str, Any]) -> dict[str, Any]:
+    """Options of a run as `train.py` writes them now.
+
+    Args:
+        options: of `config.yaml` or of a checkpoint, of any version; what is not understood is left as it is.
+
+    >>> updated({"loss": {"depth": "silog", "normals": "l2", "lambdas": [0.5, 0.5]}})["loss"]["terms"]
+    {'depth': {'term': 'silog', 'from_epoch': 0}, 'normals': {'term': 'normal_rmse', 'from_epoch': 0}}
+    """
+    loss = options.get("loss")
+    if not isinstance(loss, dict) or "terms" in loss or not isinstance(loss.get("depth"), str):
+        return options
+    terms: dict[str, dict[str, Any]] = {
+        name: {"term": known.get(str(loss[name]), loss[name]), "from_epoch": 0}
+        for name, known in TERMS.items()
+        if loss.get(name) is not None
+    }
+    if "consistency" in terms:
+        terms["consistency"]["geometry"] = loss.get("geometry") or "rays"
+    for name, epoch in zip(terms, loss.get("from_epoch") or (), strict=False):
+        terms[name]["from_epoch"] = epoch
+    return {**options, "loss": {"lambdas": loss.get("lambdas"), "terms": terms}}

@@ -1,0 +1,65 @@
+"""Options of a loss: named terms, each a registered function, and their weights."""
+
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+from pydantic import Field, PlainValidator, SerializeAsAny
+
+from col3d.checks import OptionError
+from col3d.registry import LOSSES
+from col3d.schema import Options
+
+Weight = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+
+
+class TermOptions(Options):
+    """A term, and the epoch from which it counts; the parameters of its function join these."""
+
+    term: str
+    from_epoch: Annotated[int, Field(ge=0)] = 0
+
+    def __str__(self) -> str:
+        """Its name, with the options that are not as they are by default."""
+        usual = {name: default for name, (_, default) in LOSSES[self.term].parameters().items()}
+        given = own_options(self)
+        changed = [f"{name}={value}" for name, value in given.items() if value != usual[name]]
+        return f"{self.term}({', '.join(changed)})" if changed else self.term
+
+
+def term_options(given: Any) -> TermOptions:
+    """Options of a registered term, checked against its signature; a name alone takes its defaults.
+
+    Raises:
+        ValueError: nothing has that name; pydantic's for single options.
+    """
+    if isinstance(given, TermOptions):
+        return given
+    content = {"term": given} if isinstance(given, str) else given
+    if not isinstance(content, Mapping) or not isinstance(content.get("term"), str):
+        raise OptionError(f"loss.terms: a term is a name or {{term: NAME, ...}}, got {given!r}")
+    options = LOSSES[content["term"]].options(TermOptions).model_validate(content)
+    assert isinstance(options, TermOptions)
+    return options
+
+
+def own_options(options: TermOptions) -> dict[str, Any]:
+    """Those of the term's function."""
+    return {name: getattr(options, name) for name in LOSSES[options.term].parameters()}
+
+
+Term = Annotated[SerializeAsAny[TermOptions], PlainValidator(term_options)]
+
+
+class LossOptions(Options):
+    """Terms of `col3d.losses.WeightedLoss` by name, and a weight for each, in their order."""
+
+    lambdas: list[Weight]
+    terms: Annotated[dict[str, Term], Field(min_length=1)]
+
+    def needing(self, task: str) -> list[str]:
+        """Names of the terms that need what a network predicts."""
+        return [name for name, options in self.terms.items() if task in LOSSES[options.term].facts["needs"]]
+
+    def learning_from(self, truth: str) -> list[str]:
+        """Names of the terms that need what is known."""
+        return [name for name, options in self.terms.items() if truth in LOSSES[options.term].facts["truth"]]
