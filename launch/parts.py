@@ -1,6 +1,7 @@
 """Registered parts as choices of the configuration: `model=unet model.dropout=0.2` needs no file."""
 
 from collections.abc import Sequence
+from typing import Any
 
 from hydra.core.config_search_path import ConfigSearchPath
 from hydra.core.config_store import ConfigStore
@@ -10,11 +11,14 @@ from hydra.errors import HydraException
 from hydra.plugins.search_path_plugin import SearchPathPlugin
 
 from col3d import plugins
-from launch.files import CONF
+from col3d.registry import Part
 
 OPTION = "plugins="
 USUAL = {"task": "supervised"}
 """Choices that a configuration has without being told."""
+
+
+_stored: dict[tuple[str, str], Part] = {}
 
 
 class PluginConfigurations(SearchPathPlugin):
@@ -49,19 +53,22 @@ def load_plugins(arguments: Sequence[str]) -> list[str]:
 
 def store_parts() -> None:
     """Put every registered part into Hydra's store of configurations; files of the same name go first."""
-    from col3d.models.options import node
-    from col3d.registry import MODELS
+    from col3d.models import options as models
+    from col3d.registry import MODELS, OPTIMIZERS
+    from col3d.tasks import optimizers
 
-    store = ConfigStore.instance()
-    for name in MODELS.names():
-        part = MODELS[name]
-        if not (CONF / part.kind / f"{name}.yaml").is_file():
-            chosen = {group: choice for group, choice in part.chooses.items() if USUAL.get(group) != choice}
-            content = {
-                "defaults": [{f"override /{group}": choice} for group, choice in chosen.items()],
-                part.kind: node(part),
-            }
-            store.store(f"{name}.yaml", content, part.kind, "_global_", provider=part.package)
+    for registry, node in ((MODELS, models.node), (OPTIMIZERS, optimizers.node)):
+        for part in map(registry.__getitem__, registry.names()):
+            if _stored.get((part.kind, part.name)) is not part:
+                _store(part, node(part))
+                _stored[part.kind, part.name] = part
+
+
+def _store(part: Part, content: dict[str, Any]) -> None:
+    chosen = {group: choice for group, choice in part.chooses.items() if USUAL.get(group) != choice}
+    defaults = [{f"override /{group}": choice} for group, choice in chosen.items()]
+    whole = {"defaults": defaults, part.kind: content}
+    ConfigStore.instance().store(f"{part.name}.yaml", whole, part.kind, "_global_", provider=part.package)
 
 
 Plugins.instance().register(PluginConfigurations)

@@ -15,5 +15,5 @@ def blocks(page: Path, language: str) -> list[str]:
 
 def file_of(block: str) -> str | None:
     """The file that a block says it is, in its first line."""
-    match = re.match(r"# ((?:src|conf)/\S+)\n", block)
+    match = re.match(r"# ((?:src|conf|mylab)/\S+)\n", block)
     return match and match[1]

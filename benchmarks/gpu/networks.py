@@ -20,6 +20,7 @@ from col3d.batch import Batch, Prediction
 from col3d.layers.network import DepthNetwork
 from col3d.losses import WeightedLoss
 from col3d.models import create
+from col3d.tasks.optimizers import optimizer_of
 
 TWINS = ("col3d_mtl", "newcrfs")
 TWIN = "published code"
@@ -113,4 +114,4 @@ def subject(
 ) -> Subject:
     """A module with loss and optimiser of its options."""
     loss = WeightedLoss(options.loss.lambdas, options.loss.terms, options.model.max_depth)
-    return Subject(name, module, forward, loss, build.optimizer(options.optimizer)(module))
+    return Subject(name, module, forward, loss, optimizer_of(options.optimizer)(module))

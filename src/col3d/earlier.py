@@ -11,6 +11,17 @@ TERMS = {
 }
 """What the terms of a loss were called, in the order of their weights, until they had names of their own."""
 
+ADDED: dict[str, Any] = {
+    "model.heads": "house",
+    "model.pyramid_norm": "group",
+    **{
+        f"optimizer.{name}": False
+        for name in ("amsgrad", "maximize", "capturable", "differentiable", "nesterov")
+    },
+    "optimizer.dampening": 0,
+}
+"""Options that came later, and what runs without them had."""
+
 
 def updated(options: dict[str, Any]) -> dict[str, Any]:
     """Options of a run as `train.py` writes them now.

@@ -4,6 +4,7 @@ They are named on the command line (`plugins=[mylab]`), in the environment (`COL
 by an installed package itself (entry points of the group `col3d.plugins`).
 """
 
+import functools
 import importlib
 import importlib.metadata
 import os
@@ -59,6 +60,7 @@ def _of_environment() -> list[str]:
     return [name.strip() for name in os.environ.get(VARIABLE, "").split(",") if name.strip()]
 
 
+@functools.cache
 def _installed() -> list[str]:
     return [point.module for point in importlib.metadata.entry_points(group=GROUP)]
 

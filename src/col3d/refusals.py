@@ -10,7 +10,6 @@ from col3d.checks import OptionError, UserError, nearest_name
 
 BY_NAME = {
     "task": ("supervised", "adversarial"),
-    "optimizer": ("adamw", "adam", "sgd"),
     "scheduler": ("constant", "polynomial", "step"),
 }
 """Groups whose options are told apart by their name, which pydantic puts into the location of a mistake."""

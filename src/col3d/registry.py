@@ -32,7 +32,7 @@ class Part:
     """What a name stands for.
 
     Attributes:
-        kind: "model" or "loss".
+        kind: "model", "loss" or "optimizer".
         name: on the command line.
         build: a class or a function; its keyword parameters are the options.
         supplied: parameters that the program gives.
@@ -155,7 +155,8 @@ def _place(build: Callable[..., Any]) -> str:
 
 MODELS = Registry("model", "col3d.models", option="model.name", supplied=("size_hw",))
 LOSSES = Registry("loss", "col3d.losses.terms", "loss.terms", ("prediction", "batch", "max_depth"))
-KINDS = {registry.kind: registry for registry in (MODELS, LOSSES)}
+OPTIMIZERS = Registry("optimizer", "col3d.tasks.optimizers", "optimizer.name", ("params",))
+KINDS = {registry.kind: registry for registry in (MODELS, LOSSES, OPTIMIZERS)}
 
 
 def register_model(
@@ -201,6 +202,20 @@ def register_loss(
         truth: what has to be known for it beside depth: "normals".
     """
     return LOSSES.register(name, build, needs=needs, truth=truth)
+
+
+def register_optimizer(
+    name: str, build: Built | None = None, *, defaults: Mapping[str, Any] = NOTHING
+) -> Any:
+    """Register an optimiser: a class whose first parameter is `params`.
+
+    Args:
+        name: for `optimizer=NAME`.
+        build: the class. `lr` and `weight_decay`, where it has them, are those that schedules and
+            `optimizer.decoder_weight_decay` know.
+        defaults: of options, where they differ from the signature's.
+    """
+    return OPTIMIZERS.register(name, build, defaults=dict(defaults))
 
 
 def available(kind: str) -> list[str]:

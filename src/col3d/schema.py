@@ -65,7 +65,7 @@ def parameters(build: Callable[..., Any], supplied: Collection[str] = ()) -> dic
         rest = parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
         if rest or name in supplied or name.startswith("_"):
             continue
-        annotation = hints.get(name, Any)
+        annotation = _plain_part(hints.get(name, Any))
         required = parameter.default is parameter.empty
         if not _is_plain_type(annotation) or not (required or _is_plain(parameter.default)):
             if required:
@@ -83,7 +83,7 @@ def parameters(build: Callable[..., Any], supplied: Collection[str] = ()) -> dic
 def options_of(
     build: Callable[..., Any], base: type[Options] = Options, supplied: Collection[str] = ()
 ) -> type[Options]:
-    """A model of the options that a callable takes, on top of those of `base`.
+    """A model of the options that a callable takes, on top of those of `base`, whose rules hold for both.
 
     Raises:
         SignatureError: as `parameters`.
@@ -92,7 +92,11 @@ def options_of(
     for name, (annotation, default) in parameters(build, supplied).items():
         may_be_none = default is None or NoneType in get_args(_bare(annotation))
         kind = Annotated[annotation | None, NoneWord] if may_be_none else annotation
-        fields[name] = (kind, Field(default=default, validate_default=True))
+        usual = default
+        if name in base.model_fields:
+            known = base.model_fields[name]
+            kind, usual = Annotated[known.annotation, *known.metadata], default or known.default
+        fields[name] = (kind, Field(default=usual, validate_default=True))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # a parameter may be called as a method of pydantic's
         return create_model(build.__name__, __base__=base, **fields)
@@ -137,6 +141,17 @@ def _named(build: Callable[..., Any]) -> str:
 
 def _bare(annotation: Any) -> Any:
     return get_args(annotation)[0] if get_origin(annotation) is Annotated else annotation
+
+
+def _plain_part(annotation: Any) -> Any:
+    """A type without what no option can be: `float | Tensor` is a float, inside of a tuple, too."""
+    inner, origin = get_args(annotation), get_origin(annotation)
+    if origin in (Union, UnionType):
+        arms = [_plain_part(arm) for arm in inner if _is_plain_type(_plain_part(arm))]
+        return Union[tuple(arms)] if arms else annotation  # noqa: UP007 - of arms that vary
+    if origin is tuple:
+        return tuple.__class_getitem__(tuple(arm if arm is Ellipsis else _plain_part(arm) for arm in inner))
+    return annotation
 
 
 def _is_plain_type(annotation: Any) -> bool:

@@ -7,13 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from torch import nn
-from torch.optim import SGD, Adam, AdamW, Optimizer
 
 from col3d.app.config import (
-    AdamOptions,
     AdversarialOptions,
     ConstantOptions,
-    OptimizerOptions,
     PolynomialOptions,
     ProtocolOptions,
     SchedulerOptions,
@@ -31,12 +28,11 @@ from col3d.models.options import ModelOptions
 from col3d.registry import MODELS
 from col3d.tasks import AdversarialTask, SupervisedTask
 from col3d.tasks.optimisation import (
-    OptimizerFactory,
     SchedulerFactory,
-    parameter_groups,
     polynomial_decay,
     step_decay,
 )
+from col3d.tasks.optimizers import optimizer_of
 
 
 def network(options: ModelOptions, size_hw: tuple[int, int]) -> nn.Module:
@@ -76,7 +72,7 @@ def task(options: TrainOptions) -> SupervisedTask:
     return kind(
         network(options.model, (height, width)),
         WeightedLoss(options.loss.lambdas, options.loss.terms, options.model.max_depth),
-        optimizer(options.optimizer),
+        optimizer_of(options.optimizer),
         scheduler(options.scheduler),
         options.model_dump(mode="json"),
         protocol=protocol(*options.one_protocol),
@@ -89,23 +85,6 @@ def protocol(name: str, options: ProtocolOptions) -> Protocol:
     """What predictions are scored by."""
     low, high = options.truth_range
     return Protocol(name, options.scaling, (low, high), options.cosine_epsilon, options.normal_axes)
-
-
-def optimizer(options: OptimizerOptions) -> OptimizerFactory:
-    """Network -> optimiser of the parameters that learn."""
-    extra: dict[str, Any] = {}
-    if isinstance(options, AdamOptions):
-        extra = {"eps": options.eps, "betas": (options.betas[0], options.betas[1])}
-    else:
-        extra = {"momentum": options.momentum}
-    kind: Any = {"adamw": AdamW, "adam": Adam, "sgd": SGD}[options.name]
-
-    def build(network: nn.Module) -> Optimizer:
-        groups = parameter_groups(network, options.weight_decay, options.decoder_weight_decay)
-        built: Optimizer = kind(groups, lr=options.lr, **extra)
-        return built
-
-    return build
 
 
 def scheduler(options: SchedulerOptions) -> SchedulerFactory | None:

@@ -17,6 +17,7 @@ from col3d.models.options import ModelOptions, model_options
 from col3d.registry import MODELS
 from col3d.reports.per_frame import DEPTH_METRICS, NORMAL_METRICS
 from col3d.schema import NoneWord, Options
+from col3d.tasks.optimizers import OptimizerOptions, optimizer_options
 
 Split = Literal["train", "val", "test"]
 Published = Literal["bts", "col3d_bts_cbam", "col3d_mtl_no_xtc", "col3d_mtl", "newcrfs", "monodepth_fpn"]
@@ -30,6 +31,8 @@ ByName = Field(discriminator="name")
 
 Model = Annotated[SerializeAsAny[ModelOptions], PlainValidator(model_options)]
 """A registered network's options: which there are is told by its name."""
+TheOptimizer = Annotated[SerializeAsAny[OptimizerOptions], PlainValidator(optimizer_options)]
+"""Likewise."""
 
 
 class SupervisedOptions(Options):
@@ -149,27 +152,6 @@ class DataOptions(SourceOptions):
         return self.test or self
 
 
-class AdamOptions(Options):
-    """AdamW or Adam; `decoder_weight_decay`, where it is not none, is that of all but the encoder."""
-
-    name: Literal["adamw", "adam"]
-    lr: PositiveFloat
-    weight_decay: Weight
-    decoder_weight_decay: Annotated[Weight | None, NoneWord]
-    eps: PositiveFloat
-    betas: Annotated[list[Annotated[float, Field(ge=0, lt=1)]], Field(min_length=2, max_length=2)]
-
-
-class SGDOptions(Options):
-    """Gradient descent with momentum."""
-
-    name: Literal["sgd"]
-    lr: PositiveFloat
-    weight_decay: Weight
-    decoder_weight_decay: Annotated[Weight | None, NoneWord]
-    momentum: Annotated[float, Field(ge=0, lt=1)]
-
-
 class ConstantOptions(Options):
     """One learning rate throughout."""
 
@@ -193,7 +175,6 @@ class StepOptions(Options):
     factor: Annotated[float, Field(gt=0, le=1)]
 
 
-OptimizerOptions = AdamOptions | SGDOptions
 SchedulerOptions = ConstantOptions | PolynomialOptions | StepOptions
 TaskOptions = SupervisedOptions | AdversarialOptions
 
@@ -282,7 +263,7 @@ class TrainOptions(Options):
     loss: LossOptions
     data: DataOptions
     phantom: PhantomOptions
-    optimizer: Annotated[OptimizerOptions, ByName]
+    optimizer: TheOptimizer
     scheduler: Annotated[SchedulerOptions, ByName]
     trainer: TrainerOptions
     callbacks: CallbackOptions

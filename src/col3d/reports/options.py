@@ -3,9 +3,12 @@
 import json
 from typing import Any
 
+from col3d.earlier import ADDED
+
 UNRELATED = {"seed", "overwrite", "output_dir", "preset", "variant", "logger", "callbacks", "protocol"}
 """Groups and options that may differ between repetitions; the protocol is part of a table's setting."""
 UNRELATED_INSIDE = {"data.root", "data.workers", "trainer.accelerator"}
+MISSING = object()
 Loss = tuple[tuple[str, ...], tuple[float, ...]]
 """The terms, as a formula names them, and their weights."""
 
@@ -47,8 +50,9 @@ def differing(one: dict[str, Any], other: dict[str, Any]) -> str:
 
 
 def _related(options: dict[str, Any]) -> dict[str, Any]:
-    """Dotted options that matter; what is None counts as not given, so that older runs stay alike."""
-    flat = {name: value for name, value in _dotted(options, "") if value is not None}
+    """Dotted options that matter; what older runs lack and had, or is None, counts as not given."""
+    dotted = _dotted(options, "")
+    flat = {name: value for name, value in dotted if value is not None and ADDED.get(name, MISSING) != value}
     unread = {"phantom"} if at(options, "data.name") != "phantom" else set()
     return {
         name: value

@@ -1,0 +1,105 @@
+"""Optimisers by name: those of `torch.optim`, those of timm, and anybody's own."""
+
+import fnmatch
+from inspect import signature
+from typing import Annotated, Any
+
+import timm.optim
+import torch.optim
+from pydantic import Field
+from torch import nn
+from torch.optim import Optimizer
+
+from col3d.checks import OptionError
+from col3d.registry import OPTIMIZERS, Part, register_optimizer
+from col3d.schema import NoneWord, Options, plain
+from col3d.tasks.optimisation import OptimizerFactory, parameter_groups
+
+UNFIT = (torch.optim.Optimizer, torch.optim.LBFGS, torch.optim.SparseAdam, torch.optim.Muon)
+"""A base, and those that need a closure, sparse gradients or matrices alone."""
+OF_OTHER_LIBRARIES = ("fused*", "bnb*")
+OURS: dict[str, dict[str, Any]] = {
+    "adam": {"lr": 1e-4},
+    "adamw": {"lr": 1e-4},
+    "sgd": {"lr": 1e-3, "momentum": 0.9},
+}
+"""Defaults here that are not those of torch."""
+
+
+class OptimizerOptions(Options):
+    """What every optimiser can be told; the parameters of its class join these."""
+
+    name: str
+    lr: Annotated[float, Field(gt=0)] = 1e-3
+    decoder_weight_decay: Annotated[Annotated[float, Field(ge=0)] | None, NoneWord] = None
+
+
+def optimizer_options(given: Any) -> OptimizerOptions:
+    """Options of a registered optimiser, checked against its signature.
+
+    Raises:
+        ValueError: nothing has that name; pydantic's for single options.
+    """
+    if isinstance(given, OptimizerOptions):
+        return given
+    name = str(given.get("name")) if isinstance(given, dict) else str(given)
+    options = OPTIMIZERS[name].options(OptimizerOptions).model_validate(given)
+    assert isinstance(options, OptimizerOptions)
+    if options.decoder_weight_decay is not None and not hasattr(options, "weight_decay"):
+        raise OptionError(f"optimizer.decoder_weight_decay: {options.name} has no weight decay")
+    if getattr(options, "weight_decay", 0) < 0:
+        raise OptionError(f"optimizer.weight_decay: expected 0 or more, got {options.weight_decay}")  # type: ignore[attr-defined]
+    _try(options)
+    return options
+
+
+def _try(options: OptimizerOptions) -> None:
+    """Let a library say what its rules are, on one layer; a user's own code keeps its traceback."""
+    part = OPTIMIZERS[options.name]
+    try:
+        optimizer_of(options)(nn.Linear(1, 1))
+    except (ValueError, RuntimeError) as error:
+        if part.package not in ("torch", "timm"):
+            raise
+        raise OptionError(f"optimizer: {options.name}: {error}") from None
+
+
+def optimizer_of(options: OptimizerOptions) -> OptimizerFactory:
+    """Network -> optimiser of the parameters that learn."""
+    part = OPTIMIZERS[options.name]
+    given = {"lr": options.lr, **{name: getattr(options, name) for name in part.parameters()}}
+    decay = given.pop("weight_decay", None)
+
+    def build(network: nn.Module) -> Optimizer:
+        groups = parameter_groups(network, decay or 0.0, options.decoder_weight_decay)
+        if decay is None:
+            groups = [{"params": group["params"]} for group in groups]
+        built: Optimizer = part.build(groups, **given)
+        return built
+
+    return build
+
+
+def node(part: Part) -> dict[str, Any]:
+    """What `optimizer=NAME` brings into a configuration: every option with its default."""
+    usual = {name: plain(default) for name, (_, default) in part.parameters().items()}
+    ours = {"lr": usual.get("lr") or 1e-3, **part.facts["defaults"]}
+    return {"name": part.name, **usual, **ours, "decoder_weight_decay": "none"}
+
+
+def _register_all() -> None:
+    for name, kind in vars(torch.optim).items():
+        if isinstance(kind, type) and issubclass(kind, Optimizer) and kind not in UNFIT:
+            register_optimizer(name.lower(), kind, defaults=OURS.get(name.lower(), {}))
+    for found in timm.optim.list_optimizers():
+        info = timm.optim.get_optimizer_info(str(found))
+        foreign = any(fnmatch.fnmatch(info.name, pattern) for pattern in OF_OTHER_LIBRARIES)
+        made: Any = info.opt_class
+        if foreign or info.second_order or info.name in OPTIMIZERS.parts:
+            continue
+        takes = signature(made).parameters
+        usual = {"momentum": 0.9} if {"nesterov", "momentum"} <= takes.keys() else {}
+        register_optimizer(info.name, made, defaults={**usual, **(info.defaults or {})})
+
+
+_register_all()
