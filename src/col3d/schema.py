@@ -95,7 +95,7 @@ def options_of(
         usual = default
         if name in base.model_fields:
             known = base.model_fields[name]
-            kind, usual = Annotated[known.annotation, *known.metadata], default or known.default
+            kind, usual = Annotated[known.annotation, known], default or known.default
         fields[name] = (kind, Field(default=usual, validate_default=True))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # a parameter may be called as a method of pydantic's

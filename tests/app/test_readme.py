@@ -29,10 +29,12 @@ LINES = list(
     dict.fromkeys(line for page in PAGES for block in blocks(page, "bash") for line in block.splitlines())
 )
 """Every line of bash, once."""
+OWN_PARTS = "plugins=[mylab]"
+"""Of a package that `tests/docs/test_extending.py` makes from its page."""
 CALL = re.compile(r"^(?:[A-Z0-9_]+=\S+ )?(?:\.venv/bin/)?python ")
 COMMANDS = [["python", *shlex.split(CALL.sub("", line))] for line in LINES if CALL.match(line)]
 MODULES = [command for command in COMMANDS if command[1] == "-m"]
-COMMANDS = [command for command in COMMANDS if command[1] != "-m"]
+COMMANDS = [command for command in COMMANDS if command[1] != "-m" and OWN_PARTS not in command]
 PYTHON = {page: [block for block in blocks(page, "python") if not file_of(block)] for page in PAGES}
 """Blocks to run; those that are files are done by `tests/docs/test_extending.py`."""
 OPTIONS = {

@@ -1,6 +1,7 @@
 """The steps of `docs/extending.md` make a network, a loss, a data set and a protocol."""
 
 import os
+import shlex
 import shutil
 import subprocess
 import sys
@@ -86,6 +87,24 @@ def test_the_worked_steps_train(extended: Path, tmp_path: Path) -> None:
     assert answer.returncode == 0, answer.stderr
     assert "minimises 1 berhu(threshold=0.1) + 0.5 gradient_l1" in answer.stdout
     assert "Depth: unet on disparity, test split, seed 0, protocol near" in answer.stdout
+
+
+COMMANDS = [line for block in blocks(PAGE, "bash") for line in block.splitlines()]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_of_the_page_composes(command: str, extended: Path) -> None:
+    environment = {**os.environ, "PYTHONPATH": str(extended / "src"), "OMP_NUM_THREADS": "1"}
+    answer = subprocess.run(
+        [sys.executable, *shlex.split(command)[1:], "--cfg", "job"],
+        cwd=extended,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert answer.returncode == 0, answer.stderr
+    assert "name: unet" in answer.stdout
 
 
 def test_the_worked_steps_are_in_the_style_of_the_project(extended: Path) -> None:
