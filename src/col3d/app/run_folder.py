@@ -173,10 +173,29 @@ class RunFolder:
         return []
 
     def _check_place(self) -> None:
-        """Refuse what would be replaced and is not this program's."""
+        """Refuse what would be replaced and is not this program's, or is what the run begins from."""
+        self._check_sources()
         self.owned.check(FILES)
         if (self.path / CHECKPOINTS).exists() and not self.owned.names:
             raise UserError(f"{self.path} holds {CHECKPOINTS} of something else; give another hydra.run.dir")
+
+    def _check_sources(self) -> None:
+        """Refuse to begin from weights that beginning clears away.
+
+        Raises:
+            UserError: names the option and the file.
+        """
+        mine = {(self.path / name).resolve() for name in FILES}
+        options = self.options
+        for option, name in (
+            ("init.checkpoint", options.init.checkpoint),
+            ("model.pretrained", options.model.pretrained),
+        ):
+            if name and Path(name).resolve() in mine:
+                raise UserError(
+                    f"{option}: {name} is a file of this very run, {self.path}, which begins anew and would "
+                    "replace it; give another hydra.run.dir, or copy the file to another place"
+                )
 
     def _last_checkpoint(self) -> tuple[Path | None, dict[str, Any]]:
         """The newest checkpoint that is whole, if the best that it speaks of is, too."""
