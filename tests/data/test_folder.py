@@ -158,6 +158,9 @@ def test_a_video_that_lies_too_deep_is_told_from_one_that_is_missing(root: Path,
         "nearer to them"
     )
     assert str(error.value) == said.get(entry, deep)
+    assert FolderFrames(root, [], **LAYOUT).without_frames() == (
+        f"no frames as data.layout describes them in any folder; {said['a'].partition(': ')[2]}"
+    )
     (root / "a/camera.json").write_bytes((root / "camera.json").read_bytes())
     assert len(FolderFrames(root / "a", ["b/c/clip_1"], **LAYOUT)) == 2
     with pytest.raises(DataError, match=r"video 'b/c/d/e' is neither one of C3VD nor a video of data.root"):

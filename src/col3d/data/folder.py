@@ -97,12 +97,12 @@ class FolderFrames(FrameSet):
         if (reason := too_deep(self.root, video)) and video not in self.folders:
             raise DataError(reason)
         folder = self.folders.get(video)
-        if folder is not None and not self._has_images(folder) and (reason := self._why_none(folder)):
+        if folder is not None and not self._has_images(folder) and (reason := self.why_none(folder)):
             raise DataError(f"{folder}: {reason}")
         return super().find(entry)
 
-    def _why_none(self, folder: Path) -> str:
-        """Why there are no images, where other files or folders tell."""
+    def why_none(self, folder: Path) -> str:
+        """Why a folder without images is so, where other files or folders tell; else nothing."""
         name = Path(self.kinds["color"].name)
         place = folder / name.parent
         others = sorted(path.name for path in place.glob(f"*{name.suffix}")) if place.is_dir() else []
