@@ -105,6 +105,8 @@ def test_a_principal_point_far_outside_is_refused(
 )
 def test_a_principal_point_outside_is_said(centre: tuple[float, float], inside: bool) -> None:
     camera = camera_at(lens_of([75.0, 75.0, *centre]), (96, 128))
-    said = f"the principal point ({centre[0]:.6g}, {centre[1]:.6g}) lies outside of the image of 96 x 128 pixels"
+    said = (
+        f"the principal point ({centre[0]:.6g}, {centre[1]:.6g}) lies outside of the image of 96 x 128 pixels"
+    )
     assert outside_image(camera).startswith(said) != inside
     assert (outside_image(camera) == "") == inside

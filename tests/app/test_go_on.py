@@ -1,5 +1,6 @@
 """More epochs for a run, and weights to begin from."""
 
+import functools
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -287,11 +288,11 @@ def test_what_is_no_weight_is_refused_by_its_name(reader: str, what: str, tmp_pa
     content = torch.load(located(Path("shipped")), weights_only=True)
     spoil(content["state_dict"], "network.encoder.net.conv_stem.weight")
     torch.save(content, path)
+    network = learnt(Path("shipped")).network
+    begin = functools.partial(begin_from, network, InitOptions(checkpoint=str(path)))
+    run: Callable[[], Any] = functools.partial(learnt, path) if reader == "checkpoint" else begin
     with pytest.raises(UserError, match=rf"^{reader}: {path}: \S*conv_stem\.weight {message}"):
-        if reader == "checkpoint":
-            learnt(path)
-        else:
-            begin_from(learnt(Path("shipped")).network, InitOptions(checkpoint=str(path)))
+        run()
 
 
 @pytest.mark.parametrize("published", [None, "bts"])

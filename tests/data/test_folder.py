@@ -138,8 +138,8 @@ def test_images_whose_names_do_not_fit_are_named(
     with pytest.raises(DataError) as error:
         FolderFrames(root, ["clip_1"], **{**LAYOUT, "image": image})
     assert str(error.value) == (
-        f"{root / 'clip_1'}: none of its {len(there)} files *{Path(image).suffix} is called as data.layout.image="
-        f"{image} says, with a number or time stamp in place of {{}}; there is {first!r}"
+        f"{root / 'clip_1'}: none of its {len(there)} files *{Path(image).suffix} is called as "
+        f"data.layout.image={image} says, with a number or time stamp in place of {{}}; there is {first!r}"
     )
 
 
@@ -150,12 +150,12 @@ def test_a_video_that_lies_too_deep_is_told_from_one_that_is_missing(root: Path,
     with pytest.raises(DataError) as error:
         FolderFrames(root, [entry], **LAYOUT)
     said = {
-        "a": f"{root / 'a'}: its images lie deeper, such as {root / 'a/b/c/clip_1/rgb/img_12.jpg'}; videos lie at "
-        "most 3 levels below data.root: name a folder nearer to them"
+        "a": f"{root / 'a'}: its images lie deeper, such as {root / 'a/b/c/clip_1/rgb/img_12.jpg'}; videos "
+        "lie at most 3 levels below data.root: name a folder nearer to them"
     }
     deep = (
-        f"data.root={root}: a/b/c/clip_1 lies 4 levels below it, and videos are looked for on 3; name a folder "
-        "nearer to them"
+        f"data.root={root}: a/b/c/clip_1 lies 4 levels below it, and videos are looked for on 3; name a "
+        "folder nearer to them"
     )
     assert str(error.value) == said.get(entry, deep)
     assert FolderFrames(root, [], **LAYOUT).without_frames() == (

@@ -175,11 +175,13 @@ def test_a_damaged_container_is_told_from_what_is_no_video(tmp_path: Path) -> No
     with pytest.raises(DataError) as error:
         image_source(str(path))
     assert str(error.value) == (
-        f"{path}: cannot be opened as a video, though it begins as one (MP4): it is damaged, or of a kind that "
-        "is not taken"
+        f"{path}: cannot be opened as a video, though it begins as one (MP4): it is damaged, or of a kind "
+        "that is not taken"
     )
     path.write_bytes(content.replace(b"avc1mp41", b"").replace(b"stsz", b"xxxx"))
-    with pytest.raises(DataError, match=r"a\.mp4: no frame of it can be decoded; it is damaged, or of a kind"):
+    with pytest.raises(
+        DataError, match=r"a\.mp4: no frame of it can be decoded; it is damaged, or of a kind"
+    ):
         image_source(str(path))
 
 

@@ -102,8 +102,8 @@ def outside_image(camera: Camera) -> str:
     if -0.5 <= u <= width - 0.5 and -0.5 <= v <= height - 0.5:
         return ""
     return (
-        f"the principal point ({u:.6g}, {v:.6g}) lies outside of the image of {height} x {width} pixels: right "
-        "for a piece cut out of a larger image, and else of numbers of another size"
+        f"the principal point ({u:.6g}, {v:.6g}) lies outside of the image of {height} x {width} pixels: "
+        "right for a piece cut out of a larger image, and else of numbers of another size"
     )
 
 

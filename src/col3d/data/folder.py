@@ -29,8 +29,8 @@ def too_deep(root: Path, video: str) -> str:
     if levels <= DEEPEST or not (root / video).is_dir():
         return ""
     return (
-        f"data.root={root}: {video} lies {levels} levels below it, and videos are looked for on {DEEPEST}; name a "
-        "folder nearer to them"
+        f"data.root={root}: {video} lies {levels} levels below it, and videos are looked for on {DEEPEST}; "
+        "name a folder nearer to them"
     )
 
 
@@ -108,14 +108,14 @@ class FolderFrames(FrameSet):
         others = sorted(path.name for path in place.glob(f"*{name.suffix}")) if place.is_dir() else []
         if others:
             return (
-                f"none of its {len(others)} files *{name.suffix} is called as data.layout.image={name} says, with "
-                f"a number or time stamp in place of {{}}; there is {others[0]!r}"
+                f"none of its {len(others)} files *{name.suffix} is called as data.layout.image={name} says, "
+                f"with a number or time stamp in place of {{}}; there is {others[0]!r}"
             )
         for path in sorted(folder.rglob(f"*{name.suffix}")):
             if self._has_images(Path(str(path.parent).removesuffix(f"/{name.parent}"))):
                 return (
-                    f"its images lie deeper, such as {path}; videos lie at most {DEEPEST} levels below data.root: "
-                    "name a folder nearer to them"
+                    f"its images lie deeper, such as {path}; videos lie at most {DEEPEST} levels below "
+                    "data.root: name a folder nearer to them"
                 )
         return ""
 

@@ -46,8 +46,8 @@ class VideoFile(ImageSource):
         capture.release()
         if not decoded:
             missing = missing_bytes(path)
-            why = "it is damaged, or of a kind that is not taken"
-            why = f"the file is cut off: {missing} bytes are missing" if missing else f"{why}; of images {TAKEN}"
+            why = f"it is damaged, or of a kind that is not taken; of images {TAKEN}"
+            why = f"the file is cut off: {missing} bytes are missing" if missing else why
             raise DataError(f"{path}: no frame of it can be decoded; {why}")
         if declared_length(path) is None:
             what = container_of(path) or "file of this kind"

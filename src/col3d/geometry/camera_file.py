@@ -147,8 +147,8 @@ def _check_centre(camera: Camera) -> None:
     u, v = camera.centre
     if not (-width <= u <= 2 * width and -height <= v <= 2 * height):
         raise ValueError(
-            f"the principal point ({u:.6g}, {v:.6g}) lies far outside of an image of {height} x {width} pixels; "
-            "are these the numbers of another size?"
+            f"the principal point ({u:.6g}, {v:.6g}) lies far outside of an image of {height} x {width} "
+            "pixels; are these the numbers of another size?"
         )
 
 
