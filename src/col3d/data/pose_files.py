@@ -75,7 +75,7 @@ def pose_rows(path: Path) -> list[list[float]]:
         return rows
     if len(counts) == 1:
         count = counts.pop()
-        hint = OTHER_FORMS.get(count)
-        raise ValueError(f"got {len(rows)} lines of {count}" + (f"; {hint}" if hint else ""))
+        remedy = f"; {OTHER_FORMS[count]}" if count in OTHER_FORMS else ""
+        raise ValueError(f"got {len(rows)} lines of {count}{remedy}")
     place = next(i for i, row in enumerate(rows) if len(row) != len(rows[0]) or len(row) != WANTED)
     raise ValueError(f"line {place + 1} has {len(rows[place])}")
