@@ -238,6 +238,13 @@ def test_what_was_refused_leaves_no_file(
     ("arguments", "message"),
     [
         (("output=m.tflite",), "output: expected a name that ends in .onnx, .pt2 or .ckpt, got 'm.tflite'"),
+        (("output=.onnx",), "output: expected a name that ends in .onnx, .pt2 or .ckpt, got '.onnx'"),
+        (
+            ("output=folder/.ckpt",),
+            "output: expected a name that ends in .onnx, .pt2 or .ckpt, got 'folder/.ckpt'",
+        ),
+        (("output=m.ONNX",), "output: expected a name that ends in .onnx, .pt2 or .ckpt, got 'm.ONNX'"),
+        (("output=''",), "output: expected text that is not empty, got ''"),
         (("output=there.onnx",), "output: there.onnx is there already; give overwrite=true to replace it"),
         (("output=folder.pt2", "overwrite=true"), "output: folder.pt2 is a folder"),
         (("output=m.onnx",), "checkpoint: no such file: none.ckpt"),
