@@ -11,7 +11,7 @@ PATHS = re.compile(
     rf"{DATA}(root|store|layout\.(image|depth|camera_file))|prepare\.out|benchmark\.output|model\.pretrained"
     r"|hydra\.(run|sweep)\.dir|init\.checkpoint|output_dir|root|input|output|checkpoint|samples|camera|video"
 )
-NAMES = re.compile(rf"{DATA}split\.(train|val|test)")
+NAMES = re.compile(rf"{DATA}split\.(train|val|test)|videos")
 NO_PATHS = {("predict", "video")}
 """Programs in which an option that is a path in others is none."""
 MAY_BE_NULL = (
@@ -69,9 +69,12 @@ def _as_typed(argument: str, config_name: str, sweep: bool) -> str:
 
 
 def _each_quoted(values: str, as_they_are: Collection[str] = ()) -> str:
-    return ",".join(
-        entry if entry in as_they_are else _quoted_if_needed(entry) for entry in separated(values)
-    )
+    return ",".join(entry if entry in as_they_are else _quoted_in_list(entry) for entry in separated(values))
+
+
+def _quoted_in_list(entry: str) -> str:
+    """A backslash would take the comma or bracket behind it along."""
+    return quoted(entry) if "\\" in entry and not _is_quoted(entry) else _quoted_if_needed(entry)
 
 
 def separated(values: str) -> list[str]:

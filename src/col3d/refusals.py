@@ -76,10 +76,14 @@ def _line(options: type[BaseModel], option: str, details: list[ErrorDetails]) ->
         return f"{option}.name: expected one of {context['expected_tags']}, got {context['tag']!r}"
     if kind == "value_error":
         return details[0]["msg"].removeprefix("Value error, ")
-    rules = [
-        detail["msg"].replace("Input should be ", "").replace("List should have ", "") for detail in details
-    ]
+    rules = [_rule(detail["msg"]) for detail in details]
     return f"{option}: expected {' or '.join(dict.fromkeys(rules))}, got {came!r}"
+
+
+def _rule(message: str) -> str:
+    """What pydantic expects, as it is typed on a command line."""
+    rule = message.removeprefix("Input should be ").removeprefix("List should have ")
+    return "a list in brackets, [a,b]" if rule == "a valid list" else rule
 
 
 def _fields(options: type[BaseModel], path: list[str]) -> list[str]:

@@ -27,8 +27,14 @@ class Options(BaseModel):
 
     @field_validator("*")
     @classmethod
-    def _are_small(cls, value: Any) -> Any:
-        """Numbers beyond what torch can take as float32 or as int64 would end in its own words."""
+    def _are_usable(cls, value: Any) -> Any:
+        """Numbers beyond what torch can take as float32 or as int64 would end in its own words.
+
+        An empty path would be the current folder.
+        """
+        for text in value if isinstance(value, list) else [value]:
+            if isinstance(text, str) and (not text.strip() or "\0" in text):
+                raise PydanticCustomError("no_text", "text that is not empty")
         for number in value if isinstance(value, list) else [value]:
             most = LARGEST_WHOLE if isinstance(number, int) else LARGEST
             if isinstance(number, int | float) and abs(number) > most:

@@ -2,11 +2,12 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
 
-from col3d.app.cameras import camera_at, lens_of, view_of
+from col3d.app.cameras import camera_at, lens_of, outside_image, view_of
 from col3d.checks import DataError, UserError
 from col3d.data.octagon import octagon_mask
 from col3d.geometry import FisheyeCamera, PinholeCamera, RadialTangentialCamera
@@ -15,8 +16,8 @@ FISHEYE = {"model": "FISHEYE_OPENCV", "h": 96, "w": 128, "fx": 75.0, "fy": 75.0,
 FISHEYE |= {"k1": -0.19, "k2": -0.004, "k3": 0.03, "k4": -0.013}
 
 
-def written(folder: Path, text: str) -> str:
-    path = folder / "camera"
+def written(folder: Path, text: str, name: str = "camera") -> str:
+    path = folder / name
     path.write_text(text)
     return str(path)
 
@@ -72,3 +73,40 @@ def test_a_file_that_changes_is_read_again(tmp_path: Path) -> None:
 def test_colmaps_half_pixel_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     lens_of(written(tmp_path, "1 PINHOLE 128 96 75 75 63 47\n"))
     assert "0.5 is taken from cx and cy" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("centre", [(960.0, 540.0), (-129.0, 47.0), (63.0, 193.0), (1e9, 47.0)])
+@pytest.mark.parametrize("kind", ["numbers", "matrix", "file with a size"])
+def test_a_principal_point_far_outside_is_refused(
+    kind: str, centre: tuple[float, float], tmp_path: Path
+) -> None:
+    u, v = centre
+    plain = {"model": "pinhole", "size": [96, 128], "fx": 75.0, "fy": 75.0, "cx": u, "cy": v}
+    options: dict[str, Any] = {
+        "numbers": [75.0, 75.0, u, v],
+        "matrix": written(tmp_path, f"75 0 {u}\n0 75 {v}\n0 0 1\n"),
+        "file with a size": written(tmp_path, json.dumps(plain), "sized.json"),
+    }
+    said = rf"^camera: .*the principal point \({u:.6g}, {v:.6g}\) lies far outside of an image of 96 x 128"
+    with pytest.raises((UserError, DataError), match=said.replace("+", r"\+")):
+        camera_at(lens_of(options[kind]), (96, 128))
+
+
+@pytest.mark.parametrize(
+    ("centre", "inside"),
+    [
+        ((63.0, 47.0), True),
+        ((-0.5, 95.5), True),
+        ((127.5, 0.0), True),
+        ((127.6, 0.0), False),
+        ((-1.0, 47.0), False),
+        ((63.0, 150.0), False),
+    ],
+)
+def test_a_principal_point_outside_is_said(centre: tuple[float, float], inside: bool) -> None:
+    camera = camera_at(lens_of([75.0, 75.0, *centre]), (96, 128))
+    said = (
+        f"the principal point ({centre[0]:.6g}, {centre[1]:.6g}) lies outside of the image of 96 x 128 pixels"
+    )
+    assert outside_image(camera).startswith(said) != inside
+    assert (outside_image(camera) == "") == inside

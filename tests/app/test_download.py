@@ -263,6 +263,10 @@ def test_threads_end_with_the_program(server: Dataverse, tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("given", "message"),
     [
+        (
+            ["videos=cecum_t1_a"],
+            r"videos: expected 'split' or 'all' or a list in brackets, \[a,b\], got 'cecum",
+        ),
         (["videos=[cecum_t1_x]"], r"videos: 'cecum_t1_x' is no video of c3vd; did you mean 'cecum_t"),
         (["videos=[c1_cecum_t1_v1]"], r"videos: c1_cecum_t1_v1 is a video of c3vdv2; take data=c3vdv2"),
         (["videos=[zzz*]"], r"split entry 'zzz\*': no video of the data set matches"),

@@ -20,6 +20,7 @@ from col3d.app.half import HalfNetwork
 from col3d.app.learnt import learnt, located
 from col3d.app.same_outputs import compare
 from col3d.app.traced import Fixed
+from col3d.checks import UserError
 
 PROJECT = Path(__file__).parents[2]
 WITHOUT = (
@@ -237,6 +238,13 @@ def test_what_was_refused_leaves_no_file(
     ("arguments", "message"),
     [
         (("output=m.tflite",), "output: expected a name that ends in .onnx, .pt2 or .ckpt, got 'm.tflite'"),
+        (("output=.onnx",), "output: expected a name that ends in .onnx, .pt2 or .ckpt, got '.onnx'"),
+        (
+            ("output=folder/.ckpt",),
+            "output: expected a name that ends in .onnx, .pt2 or .ckpt, got 'folder/.ckpt'",
+        ),
+        (("output=m.ONNX",), "output: expected a name that ends in .onnx, .pt2 or .ckpt, got 'm.ONNX'"),
+        (("output=''",), "output: expected text that is not empty, got ''"),
         (("output=there.onnx",), "output: there.onnx is there already; give overwrite=true to replace it"),
         (("output=folder.pt2", "overwrite=true"), "output: folder.pt2 is a folder"),
         (("output=m.onnx",), "checkpoint: no such file: none.ckpt"),
@@ -265,6 +273,23 @@ def test_bad_input_is_refused(
         export(composed("export", "checkpoint=none.ckpt", *arguments))
     assert message in str(raised.value)
     assert Path("there.onnx").stat().st_size == 0
+
+
+@pytest.mark.parametrize(
+    "error",
+    [MemoryError("std::bad_alloc"), RuntimeError("[enforce fail] DefaultCPUAllocator: not enough memory")],
+)
+def test_memory_that_is_out_is_a_line(
+    error: Exception, tiny_checkpoint: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr("col3d.app.export._write", full)
+    given = (f"checkpoint={tiny_checkpoint}", f"output={tmp_path / 'm.pt2'}", "size=[20000,20000]")
+    with pytest.raises(UserError, match=r"^memory is out \(.*\); .*a smaller size= or batch= takes less$"):
+        export(composed("export", *given))
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_without_the_extra_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,5 +1,6 @@
 """More epochs for a run, and weights to begin from."""
 
+import functools
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -15,9 +16,10 @@ from tiny_run import SMALL
 from col3d.app import build
 from col3d.app.config import InitOptions, TrainOptions
 from col3d.app.initial_weights import begin_from
-from col3d.app.learnt import learnt
+from col3d.app.learnt import learnt, located
 from col3d.app.train import train
 from col3d.checks import UserError
+from col3d.layers.encoder import Encoder
 from col3d.models import create
 from col3d.refusals import check_options
 
@@ -204,3 +206,111 @@ def test_weights_that_do_not_serve_are_refused(
     with pytest.raises(UserError, match=message):
         train(given)
     assert not (tmp_path / "x" / "checkpoints").exists()
+
+
+def test_a_run_that_goes_on_does_not_begin_again(
+    best: Path,
+    tiny: Compose,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    source = best.rename(tmp_path / "source.ckpt")
+    given = (*STEADY, "trainer.max_epochs=2", f"init.checkpoint={source}")
+    train(tiny(*given, f"output_dir={tmp_path / 'whole'}"))
+    with monkeypatch.context() as patched:
+        cut_in(patched, 1)
+        with pytest.raises(PowerCutError):
+            train(tiny(*given, f"output_dir={tmp_path / 'cut'}"))
+    source.unlink()
+    capsys.readouterr()
+    train(tiny(*given, f"output_dir={tmp_path / 'cut'}"))
+    said = capsys.readouterr().out
+    assert "goes on from" in said
+    assert "begins from" not in said
+    assert_the_same(tmp_path / "cut", tmp_path / "whole")
+
+
+@pytest.mark.parametrize("option", ["init.checkpoint", "model.pretrained"])
+@pytest.mark.parametrize("name", ["checkpoints/best.ckpt", "checkpoints/last.ckpt", "linked.ckpt"])
+def test_a_run_does_not_begin_from_what_it_replaces(
+    option: str, name: str, best: Path, tiny: Compose, tmp_path: Path
+) -> None:
+    run = best.parents[1]
+    (run / "linked.ckpt").symlink_to(best)
+    content = best.read_bytes()
+    given = f"{option}={run / name}"
+    with pytest.raises(UserError, match="holds a run with another") as refused:
+        train(tiny(*QUICK, given))
+    assert option in str(refused.value)
+    with pytest.raises(UserError, match=rf"^{option}: {run / name} is a file of this very run, {run}, which"):
+        train(tiny(*QUICK, given, "overwrite=true"))
+    assert best.read_bytes() == content
+
+
+def with_weight(values: Any) -> Callable[[dict[Any, Any], str], None]:
+    return lambda state, name: state.update({name: values(state[name].float())})
+
+
+NO_WEIGHTS: dict[str, tuple[Callable[[dict[Any, Any], str], None], str]] = {
+    "text": (with_weight(lambda w: "x"), "is no tensor but a str"),
+    "nothing": (with_weight(lambda w: None), "is no tensor but a NoneType"),
+    "array": (with_weight(lambda w: w.numpy()), "is no tensor but a ndarray"),
+    "sparse": (
+        with_weight(lambda w: w.to_sparse()),
+        r"is no dense tensor of real numbers \(torch.sparse_coo",
+    ),
+    "complex": (with_weight(lambda w: w * 1j), "is no dense tensor of real numbers .*complex64"),
+    "elsewhere": (with_weight(lambda w: w.to("meta")), "is no dense tensor of real numbers"),
+    "whole numbers": (with_weight(lambda w: w.int()), r"holds whole numbers \(torch.int32\)"),
+    "truths": (with_weight(lambda w: w > 0), r"holds whole numbers \(torch.bool\)"),
+    "beyond float32": (with_weight(lambda w: w.double() + 1e300), "is not finite"),
+}
+
+
+@pytest.mark.filterwarnings("ignore:Validating sparse tensor")
+@pytest.mark.parametrize("what", NO_WEIGHTS)
+@pytest.mark.parametrize("reader", ["init.checkpoint", "checkpoint", "model.pretrained"])
+def test_what_is_no_weight_is_refused_by_its_name(reader: str, what: str, tmp_path: Path) -> None:
+    spoil, message = NO_WEIGHTS[what]
+    path = tmp_path / "spoiled.ckpt"
+    if reader == "model.pretrained":
+        state: dict[Any, Any] = dict(Encoder(SMALL.partition("=")[2]).net.state_dict())
+        spoil(state, "conv_stem.weight")
+        torch.save(state, path)
+        if what in ("text", "nothing"):
+            message = "does not fit in 1 weights, such as 'conv_stem.weight'"
+        if what == "array":
+            message = "cannot be read as weights"
+        with pytest.raises(ValueError, match=rf"^model\.pretrained: '{path}'.*{message}"):
+            Encoder(SMALL.partition("=")[2], str(path))
+        return
+    content = torch.load(located(Path("shipped")), weights_only=True)
+    spoil(content["state_dict"], "network.encoder.net.conv_stem.weight")
+    torch.save(content, path)
+    network = learnt(Path("shipped")).network
+    begin = functools.partial(begin_from, network, InitOptions(checkpoint=str(path)))
+    run: Callable[[], Any] = functools.partial(learnt, path) if reader == "checkpoint" else begin
+    with pytest.raises(UserError, match=rf"^{reader}: {path}: \S*conv_stem\.weight {message}"):
+        run()
+
+
+@pytest.mark.parametrize("published", [None, "bts"])
+@pytest.mark.parametrize(
+    ("kept", "message"),
+    [
+        (0, "is damaged: the file is empty"),
+        (4, "is damaged: the file is cut off"),
+        (100_000, "is damaged: the file is cut off"),
+        (-1, "is damaged: the file is cut off"),
+    ],
+)
+def test_weights_that_are_cut_off_are_called_so(
+    kept: int, message: str, published: Any, tmp_path: Path
+) -> None:
+    path = tmp_path / "last.ckpt"
+    path.write_bytes(located(Path("shipped")).read_bytes()[:kept])
+    with pytest.raises(UserError, match=rf"^init\.checkpoint: {path} {message}; copy it again$"):
+        begin_from(torch.nn.Linear(1, 1), InitOptions(checkpoint=str(path), published=published))
+    with pytest.raises(UserError, match=rf"^checkpoint: {path} {message}; copy it again$"):
+        learnt(path)

@@ -1,7 +1,9 @@
 """Poses written in every usual way are read for what they are, or refused before anything is fused."""
 
+import codecs
 import json
 import shutil
+from collections.abc import Callable
 from itertools import product
 from pathlib import Path
 
@@ -14,6 +16,7 @@ from col3d.app.fuse import fuse
 from col3d.checks import DataError, UserError
 from col3d.data.c3vd import C3VD
 from col3d.data.pose_readings import AXES, DIRECTIONS, UNITS, PoseReading, find_reading
+from col3d.data.verify.poses import read_poses
 
 VIDEO = "desc_t4_a"
 AUTO = dict.fromkeys(("direction", "axes", "unit", "first"), "auto")
@@ -143,3 +146,102 @@ def test_poses_of_other_forms_are_refused_in_a_line(video: Path, tmp_path: Path)
     (video / "pose.txt").unlink()
     with pytest.raises(UserError, match=r"pose\.txt: no such file; the poses of a video are in it"):
         fused(video, tmp_path / "out")
+
+
+def texts(lines: list[str]) -> dict[str, bytes]:
+    """The same poses as other programs write them."""
+    text = "\n".join(lines) + "\n"
+    spaced = text.replace(",", " ")
+    return {
+        "byte order mark": codecs.BOM_UTF8 + text.encode(),
+        "CRLF": text.replace("\n", "\r\n").encode(),
+        "both, and empty lines at the end": codecs.BOM_UTF8 + (text + "\n \n").replace("\n", "\r\n").encode(),
+        "UTF-16 of a shell": text.encode("utf-16"),
+        "UTF-16, the other order": codecs.BOM_UTF16_BE + text.encode("utf-16-be"),
+        "spaces": spaced.encode(),
+        "tabs": text.replace(",", "\t").encode(),
+        "commas and spaces": text.replace(",", " , ").encode(),
+        "semicolons": text.replace(",", ";").encode(),
+        "spaces before and behind": "".join(f"  {line} \n" for line in spaced.splitlines()).encode(),
+        "no line break at the end": text.rstrip().encode(),
+    }
+
+
+@pytest.mark.parametrize("form", texts([""]))
+def test_text_of_other_programs_is_read(form: str, video: Path) -> None:
+    true = frames_of(video).poses(VIDEO).numpy()
+    path = video / "pose.txt"
+    path.write_bytes(texts(path.read_text().splitlines())[form])
+    np.testing.assert_array_equal(frames_of(video).poses(VIDEO).numpy(), true)
+    found, lines, wrong = read_poses(path, VIDEO)
+    assert (lines, wrong) == (len(true), [])
+    np.testing.assert_array_equal(np.stack(list(found.values())), true)
+
+
+def changed(change: Callable[[list[str]], list[str]]) -> Callable[[list[str]], bytes]:
+    return lambda lines: "\n".join(change(lines)).encode()
+
+
+def each(change: Callable[[list[str]], list[str]]) -> Callable[[list[str]], bytes]:
+    return changed(lambda lines: [",".join(change(line.split(","))) for line in lines])
+
+
+SCALAR = "turn quaternions into rotations, for nothing in them tells whether the scalar is first or last"
+HEAD = "; take headers and comments out"
+OTHERS: dict[str, tuple[Callable[[list[str]], bytes], str]] = {
+    "header": (changed(lambda lines: ["r00,r01", *lines]), f"line 1 has 'r00', which is no number{HEAD}"),
+    "comment": (changed(lambda lines: ["# poses", *lines]), f"line 1 has '#', which is no number{HEAD}"),
+    "empty line first": (changed(lambda lines: ["", *lines]), f"line 1 is empty{HEAD}"),
+    "empty line between": (changed(lambda lines: [lines[0], "", *lines[1:]]), "line 2 is empty"),
+    "rows of matrices": (
+        changed(lambda lines: [",".join(part) for line in lines for part in batched_by_four(line)]),
+        "got 12 lines of 4; write the four rows of a matrix into one line",
+    ),
+    "quaternions": (each(lambda numbers: numbers[:7]), f"got 3 lines of 7; {SCALAR}"),
+    "quaternions with times": (each(lambda numbers: numbers[:8]), f"got 3 lines of 8; {SCALAR}"),
+    "3 x 4": (each(lambda numbers: numbers[:12]), "got 3 lines of 12; append 0,0,0,1 to lines of 12"),
+    "numbers before": (
+        each(lambda numbers: ["0", *numbers]),
+        "got 3 lines of 17; leave out the number or time before each matrix",
+    ),
+    "others": (each(lambda numbers: numbers[:9]), "got 3 lines of 9"),
+    "one line shorter": (
+        changed(lambda lines: [*lines[:2], lines[2].rpartition(",")[0]]),
+        "line 3 has 15",
+    ),
+    "one number left out": (
+        each(lambda numbers: ["", *numbers[1:]]),
+        f"line 1 lacks a number between two commas, or at an end{HEAD}",
+    ),
+    "a comma at the end": (
+        each(lambda numbers: [*numbers, ""]),
+        f"line 1 lacks a number between two commas, or at an end{HEAD}",
+    ),
+    "nan": (each(lambda numbers: ["nan", *numbers[1:]]), f"line 1 has 'nan', which is no number{HEAD}"),
+    "digits in groups": (each(lambda n: ["1_0", *n[1:]]), f"line 1 has '1_0', which is no number{HEAD}"),
+    "commas for points": (
+        lambda lines: "\n".join(lines).replace(",", ";").replace(".", ",").encode(),
+        "got 3 lines of ",
+    ),
+    "nothing": (lambda lines: b"", "the file is empty"),
+    "no text": (lambda lines: b"\xe9\xe9", "it is no text in UTF-8"),
+    "beyond all numbers": (each(lambda numbers: ["1e999", *numbers[1:]]), "line 1 is no rotation"),
+}
+
+
+def batched_by_four(line: str) -> list[list[str]]:
+    numbers = line.split(",")
+    return [numbers[k : k + 4] for k in range(0, len(numbers), 4)]
+
+
+@pytest.mark.parametrize("form", OTHERS)
+def test_other_forms_are_refused_by_line_and_remedy(form: str, video: Path) -> None:
+    write, message = OTHERS[form]
+    path = video / "pose.txt"
+    path.write_bytes(write(path.read_text().splitlines()))
+    expected = f"{path}: expected lines of 16 comma-separated numbers ({message}"
+    with pytest.raises(DataError) as error:
+        frames_of(video).poses(VIDEO)
+    assert str(error.value).startswith(expected)
+    assert "\n" not in str(error.value)
+    assert read_poses(path, VIDEO)[2] or form == "nothing"

@@ -99,6 +99,32 @@ def test_a_comma_inside_of_a_quoted_name_is_of_the_name(typed: str) -> None:
     assert came == names.get(typed, ["a", "c,d", "it's", "null"])
 
 
+@pytest.mark.parametrize("option", ["videos", "data.split.test"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "it's",
+        "a b",
+        "001",
+        "-x",
+        "a=b",
+        "null",
+        "true",
+        "1e3",
+        "内視鏡",
+        "v.",
+        "no(1)",
+        "#1",
+        "a\\",
+        "[a]",
+        "a\\b",
+    ],
+)
+def test_a_name_in_a_list_is_what_was_typed(option: str, name: str) -> None:
+    (argument,) = as_typed([f"{option}=[{name},b]"], "download")
+    assert OmegaConf.create({"x": read_back(argument)})["x"] == [name, "b"]
+
+
 def test_an_empty_list_of_names_stays_empty() -> None:
     assert as_typed(["data.split.test=[]"], "train") == ["data.split.test=[]"]
 

@@ -117,3 +117,51 @@ def test_depth_of_several_channels_is_refused(root: Path) -> None:
 def test_a_folder_without_videos(root: Path) -> None:
     with pytest.raises(DataError, match=r"nowhere: no such folder"):
         FolderFrames(root / "nowhere", ["clip_1"], **LAYOUT)
+
+
+@pytest.mark.parametrize(
+    ("image", "there", "first"),
+    [
+        ("rgb/img_{}.jpg", ["rgb/img_left.jpg", "rgb/img_right.jpg"], "img_left.jpg"),
+        ("rgb/img_{}.jpg", ["rgb/photo_1.jpg"], "photo_1.jpg"),
+        ("{}.png", ["left.png"], "left.png"),
+        ("{}.png", ["0001 (copy).png"], "0001 (copy).png"),
+    ],
+)
+def test_images_whose_names_do_not_fit_are_named(
+    root: Path, image: str, there: list[str], first: str
+) -> None:
+    for number in (3, 12):
+        (root / "clip_1" / "rgb" / f"img_{number}.jpg").unlink()
+    for name in there:
+        (root / "clip_1" / name).touch()
+    with pytest.raises(DataError) as error:
+        FolderFrames(root, ["clip_1"], **{**LAYOUT, "image": image})
+    assert str(error.value) == (
+        f"{root / 'clip_1'}: none of its {len(there)} files *{Path(image).suffix} is called as "
+        f"data.layout.image={image} says, with a number or time stamp in place of {{}}; there is {first!r}"
+    )
+
+
+@pytest.mark.parametrize("entry", ["a/b/c/clip_1", "a/b/c/clip_1:3-12", "a"])
+def test_a_video_that_lies_too_deep_is_told_from_one_that_is_missing(root: Path, entry: str) -> None:
+    (root / "a/b/c").mkdir(parents=True)
+    (root / "clip_1").rename(root / "a/b/c/clip_1")
+    with pytest.raises(DataError) as error:
+        FolderFrames(root, [entry], **LAYOUT)
+    said = {
+        "a": f"{root / 'a'}: its images lie deeper, such as {root / 'a/b/c/clip_1/rgb/img_12.jpg'}; videos "
+        "lie at most 3 levels below data.root: name a folder nearer to them"
+    }
+    deep = (
+        f"data.root={root}: a/b/c/clip_1 lies 4 levels below it, and videos are looked for on 3; name a "
+        "folder nearer to them"
+    )
+    assert str(error.value) == said.get(entry, deep)
+    assert FolderFrames(root, [], **LAYOUT).without_frames() == (
+        f"no frames as data.layout describes them in any folder; {said['a'].partition(': ')[2]}"
+    )
+    (root / "a/camera.json").write_bytes((root / "camera.json").read_bytes())
+    assert len(FolderFrames(root / "a", ["b/c/clip_1"], **LAYOUT)) == 2
+    with pytest.raises(DataError, match=r"video 'b/c/d/e' is neither one of C3VD nor a video of data.root"):
+        FolderFrames(root, ["b/c/d/e"], **LAYOUT)

@@ -10,7 +10,7 @@ import tifffile
 from PIL import Image
 
 from col3d.checks import DataError
-from col3d.data.containers import missing_bytes
+from col3d.data.containers import container_of, declared_length, missing_bytes
 from col3d.data.images import image_source
 from col3d.data.sources import Shot
 
@@ -99,6 +99,109 @@ def test_a_video_that_is_cut_off_says_so(name: str, tmp_path: Path) -> None:
     else:
         with pytest.raises(DataError, match="cannot be opened as a video"):
             image_source(str(path))
+
+
+CONTAINERS = {
+    "a.mp4": ("mp4v", "MP4"),
+    "a.mov": ("mp4v", "MP4"),
+    "a.3gp": ("mp4v", "MP4"),
+    "a.avi": ("MJPG", "AVI"),
+    "a.mkv": ("mp4v", "Matroska"),
+    "a.webm": ("VP80", "Matroska"),
+    "a.flv": ("FLV1", "FLV"),
+    "a.wmv": ("WMV2", "ASF"),
+    "a.asf": ("WMV2", "ASF"),
+    "a.mxf": ("mpg2", "MXF"),
+}
+SILENT = {
+    "a.ts": ("mpg2", "MPEG transport stream"),
+    "a.m2ts": ("mpg2", "MPEG transport stream"),
+    "a.mpg": ("mpg1", "MPEG program stream"),
+}
+"""Containers that do not say how long they are."""
+
+
+@pytest.mark.parametrize("name", CONTAINERS)
+def test_a_whole_container_is_as_long_as_it_says(name: str, tmp_path: Path) -> None:
+    code, container = CONTAINERS[name]
+    path = video(tmp_path / name, code, 40)
+    assert container_of(path) == container
+    assert declared_length(path) == path.stat().st_size
+    assert image_source(str(path)).notes == ()
+    assert read(path)[1] == []
+
+
+@pytest.mark.parametrize("kept", [0.3, 0.7, -100, -1])
+@pytest.mark.parametrize("name", CONTAINERS)
+def test_a_container_that_is_cut_anywhere_says_so(name: str, kept: float, tmp_path: Path) -> None:
+    path = video(tmp_path / name, CONTAINERS[name][0], 40)
+    content = path.read_bytes()
+    path.write_bytes(content[: int(len(content) * kept)] if kept > 0 else content[: int(kept)])
+    missing = missing_bytes(path)
+    assert 0 < missing <= len(content) - path.stat().st_size
+    try:
+        faults = read(path)[1]
+    except DataError as error:
+        faults = [str(error)]
+    assert len(faults) == 1
+    assert f"the file is cut off: {missing} bytes are missing" in faults[0]
+
+
+@pytest.mark.parametrize("name", SILENT)
+def test_a_container_that_cannot_tell_is_said_to_be_so(name: str, tmp_path: Path) -> None:
+    code, container = SILENT[name]
+    path = video(tmp_path / name, code)
+    assert container_of(path) == container
+    assert image_source(str(path)).notes == (
+        f"note: {path}: a {container} need not say how long it is, and this one does not: nothing tells "
+        "whether its end is missing",
+    )
+    assert read(path)[1] == []
+
+
+def test_an_flv_without_its_length_is_walked(tmp_path: Path) -> None:
+    path = video(tmp_path / "a.flv", "FLV1", 40)
+    content = path.read_bytes().replace(b"filesize", b"filesome")
+    path.write_bytes(content)
+    assert declared_length(path) == len(content)
+    path.write_bytes(content[:-5])
+    assert missing_bytes(path) == 5
+
+
+def test_a_damaged_container_is_told_from_what_is_no_video(tmp_path: Path) -> None:
+    path = video(tmp_path / "a.mp4", "mp4v", 40)
+    content = path.read_bytes()
+    path.write_bytes(content.replace(b"moov", b"mooV"))
+    with pytest.raises(DataError) as error:
+        image_source(str(path))
+    assert str(error.value) == (
+        f"{path}: cannot be opened as a video, though it begins as one (MP4): it is damaged, or of a kind "
+        "that is not taken"
+    )
+    path.write_bytes(content.replace(b"avc1mp41", b"").replace(b"stsz", b"xxxx"))
+    with pytest.raises(
+        DataError, match=r"a\.mp4: no frame of it can be decoded; it is damaged, or of a kind"
+    ):
+        image_source(str(path))
+
+
+@pytest.mark.parametrize("ending", [".jpg", ".png", ".tif", ".dat", ""])
+@pytest.mark.parametrize(("written", "code"), [("a.avi", "MJPG"), ("a.mp4", "mp4v"), ("a.mkv", "mp4v")])
+def test_a_video_is_one_under_any_name(written: str, code: str, ending: str, tmp_path: Path) -> None:
+    path = video(tmp_path / written, code).rename(tmp_path / f"clip{ending}")
+    assert image_source(str(path)).is_video
+    assert len(read(path)[0]) == 5
+
+
+@pytest.mark.parametrize("ending", [".avi", ".mp4", ".webm", ".dat", ""])
+@pytest.mark.parametrize("kind", ["PNG", "JPEG", "BMP", "TIFF", "WEBP", "GIF"])
+def test_an_image_is_one_under_any_name(kind: str, ending: str, tmp_path: Path) -> None:
+    path = tmp_path / f"photo{ending}"
+    Image.fromarray(frame(60)).save(path, kind)
+    assert not image_source(str(path)).is_video
+    shades, faults = read(path)
+    assert np.abs(np.subtract(shades, [60])).max() <= 2
+    assert faults == []
 
 
 def test_bytes_that_containers_announce(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ from col3d.app.config import (
 from col3d.checks import OptionError, UserError
 from col3d.layers.freeze import freeze
 from col3d.layers.patch_gan import PatchGAN
-from col3d.layers.weight_file import check_finite
+from col3d.layers.weight_file import check_finite, check_fractions
 from col3d.losses import WeightedLoss
 from col3d.metrics import Protocol
 from col3d.models import create
@@ -113,6 +113,7 @@ def fill(built: SupervisedTask, content: Mapping[str, Any], checkpoint: Path) ->
     """
     try:
         check_finite(content["state_dict"])
+        check_fractions(content["state_dict"], built.state_dict())
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise UserError(f"checkpoint: {checkpoint}: {' '.join(str(error).split())}") from None
     try:

@@ -96,6 +96,17 @@ def camera_at(lens: Camera, size_hw: tuple[int, int]) -> Camera:
     return lens.resized(size_hw)
 
 
+def outside_image(camera: Camera) -> str:
+    """What a principal point outside of the image may mean, in words; nothing where it is inside."""
+    (height, width), (u, v) = camera.size_hw, camera.centre
+    if -0.5 <= u <= width - 0.5 and -0.5 <= v <= height - 0.5:
+        return ""
+    return (
+        f"the principal point ({u:.6g}, {v:.6g}) lies outside of the image of {height} x {width} pixels: "
+        "right for a piece cut out of a larger image, and else of numbers of another size"
+    )
+
+
 def view_of(option: CameraOption, size_hw: tuple[int, int]) -> Bool[Tensor, "1 h w"] | None:
     """Where the camera of this name shows anything; None where it does everywhere, or nobody knows."""
     if isinstance(option, list) or option is None or option in (*LENSES, "none"):

@@ -1,6 +1,7 @@
 """Every option with its type and range: the composed configuration is checked before anything is built."""
 
 import re
+from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import (
@@ -553,7 +554,7 @@ class ExportOptions(LearntOptions):
 
     @model_validator(mode="after")
     def _fits(self) -> "ExportOptions":
-        if not self.output.endswith((".onnx", ".pt2", ".ckpt")):
+        if Path(self.output).suffix not in (".onnx", ".pt2", ".ckpt"):  # `.onnx` alone is a name without one
             raise ValueError(
                 f"output: expected a name that ends in .onnx, .pt2 or .ckpt, got {self.output!r}"
             )

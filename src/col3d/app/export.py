@@ -15,6 +15,7 @@ import torch
 from col3d.app.config import ExportOptions
 from col3d.app.exported import is_exported
 from col3d.app.exported_facts import facts_of
+from col3d.app.foreseen import in_a_line
 from col3d.app.half import HalfNetwork
 from col3d.app.learnt import Learnt, learnt, located
 from col3d.app.machine import quiet
@@ -52,7 +53,10 @@ def export(given: Mapping[str, Any]) -> None:
     options = check_options(ExportOptions, given)
     path = Path(options.output)
     _check(path, options)
-    with stoppable(f"nothing was written to {path}, and the same command begins anew") as stop:
+    with (
+        in_a_line("the network is tried at that size and batch: a smaller size= or batch= takes less"),
+        stoppable(f"nothing was written to {path}, and the same command begins anew") as stop,
+    ):
         if path.suffix == WEIGHTS:
             _export_weights(options, path, stop)
         else:

@@ -10,14 +10,21 @@ from col3d.app.stores import stored_frames
 from col3d.checks import DataError
 from col3d.data.c3vd import C3VD, C3VDv2
 from col3d.data.datamodule import FrameDataModule, Frames
-from col3d.data.folder import FolderFrames
+from col3d.data.folder import FolderFrames, too_deep
 from col3d.data.frames import FrameSet
 from col3d.data.phantom import PARTS, PhantomSettings, phantom_camera, render_phantom
 from col3d.data.phantom.write import MANIFEST, video_is_complete
 from col3d.data.processes import check_replaceable
 from col3d.data.simcol3d import SimCol3D
 from col3d.data.sized import Joined, Resized, SizedFrames, WithMixedTruth
-from col3d.data.splits import SPLITS, check_counts, check_end, expand, parse_selection
+from col3d.data.splits import (
+    SPLITS,
+    check_counts,
+    check_end,
+    expand,
+    parse_selection,
+    selection_of_any_video,
+)
 from col3d.data.store import videos_in
 from col3d.data.transforms import Augment
 from col3d.data.videos import video_table
@@ -240,6 +247,9 @@ def _videos_at_hand(source: SourceOptions, phantom: PhantomOptions) -> list[str]
 
 def _at_hand(source: SourceOptions, part: str, named: Sequence[str], present: Sequence[str]) -> list[str]:
     """Entries of the split, without those of missing videos where that is allowed."""
+    for entry in named if source.name == "folder" else ():
+        if reason := too_deep(Path(source.root), selection_of_any_video(entry, present).video):
+            raise DataError(reason)
     videos = {entry: parse_selection(entry, present).video for entry in named}
     missing = list(dict.fromkeys(video for video in videos.values() if video not in present))
     if missing and not source.allow_missing:

@@ -1,6 +1,5 @@
 """One surface of a whole video, from its true depth and from a network's, and how far they are apart."""
 
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
@@ -11,23 +10,21 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
-from col3d.app.cameras import camera_at
 from col3d.app.config import FuseOptions, PoseOptions
 from col3d.app.foreseen import in_a_line
+from col3d.app.fused_video import video_of
 from col3d.app.learnt import SIZE, Learnt, learnt
 from col3d.app.machine import check_accelerator, quiet
 from col3d.app.provenance import provenance
 from col3d.app.stopping import stoppable
 from col3d.callbacks import StopSignals
 from col3d.checks import DataError, UserError
-from col3d.data.c3vd import C3VD, C3VDv2
+from col3d.data.c3vd import C3VD
 from col3d.data.coverage_mesh import COVERAGE_MESH, CoverageMesh, read_coverage_mesh
-from col3d.data.images import read_image
 from col3d.data.octagon import octagon_mask
 from col3d.data.pose_readings import PoseReading, find_reading
 from col3d.data.processes import frames_bar
 from col3d.data.resize import Resize
-from col3d.data.videos import canonical_name, described
 from col3d.geometry import Camera
 from col3d.owned import Owned
 from col3d.refusals import check_options
@@ -44,7 +41,6 @@ SHOWN = 60_000
 """Points of a surface in the page."""
 SUMMARY, PAGE = "fusion.json", "fusion.html"
 WRITTEN = (PAGE, SUMMARY, "truth.ply", "predicted.ply", "error.ply")
-DATA_SETS: Mapping[str, type[C3VD]] = {"auto": C3VD, "c3vd": C3VD, "c3vdv2": C3VDv2}
 
 
 @dataclass(frozen=True)
@@ -86,7 +82,7 @@ def fuse(given: Mapping[str, Any]) -> None:
 
 def _fuse(options: FuseOptions, stop: StopSignals) -> None:
     output = _checked_room(options)
-    frames = _video(options)
+    frames = video_of(options)
     poses = _poses(frames, options.poses)
     network = _network(options)
     wall = _wall(frames)
@@ -163,27 +159,6 @@ def _checked_room(options: FuseOptions) -> Path:
     if SUMMARY in owned.there() and not options.overwrite:
         raise UserError(f"output: {output} holds a fusion already; name another folder or overwrite=true")
     return output
-
-
-def _video(options: FuseOptions) -> C3VD:
-    """The frames of the video, its lens at their size; without truth where it has no depth."""
-    path = Path(os.path.abspath(options.video))  # noqa: PTH100 - without ".."
-    root, entry = path.parent, path.name
-    given = entry.partition(":")[0]
-    folder, row = root / given, described(given)
-    kind = DATA_SETS[row.data if options.dataset == "auto" and row else options.dataset]
-    if folder.is_dir():
-        folder = kind.video_folders(root)[canonical_name(given)]
-    images, has_truth = kind.kinds["color"].find(folder), bool(kind.kinds["depth"].find(folder))
-    if not images:
-        raise UserError(f"video: {folder} is no folder of {kind.example}")
-    if not has_truth and options.checkpoint is None:
-        raise UserError(f"video: {folder} has no true depth; give checkpoint=PATH to fuse what it predicts")
-    if not has_truth and options.scale == "median":
-        raise UserError(f"scale: median needs true depth, and {folder} has none; take scale=none")
-    height, width, _ = read_image(images[min(images)]).shape
-    camera = camera_at(kind.lens(), (height, width))
-    return kind(root, [entry], normals="none", camera=camera, truth=has_truth)
 
 
 def _poses(frames: C3VD, options: PoseOptions) -> dict[int, np.ndarray]:

@@ -26,7 +26,8 @@ def differing(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
     names = []
     for name in sorted((before.keys() | now.keys()) - UNRELATED):
         old, new = before.get(name), now.get(name)
-        if isinstance(old, dict) and isinstance(new, dict):
+        if isinstance(old or new, dict) and isinstance(new or old, dict):
+            old, new = old or {}, new or {}
             inner = (k for k in sorted(old.keys() | new.keys()) if old.get(k) != new.get(k))
             names += [f"{name}.{k}" for k in inner if (name, k) not in UNRELATED_INSIDE]
         elif old != new:

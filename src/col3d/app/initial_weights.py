@@ -9,7 +9,7 @@ from torch import Tensor, nn
 from col3d.app.config import InitOptions
 from col3d.app.learnt import published_network, read_file
 from col3d.checks import UserError
-from col3d.layers.weight_file import check_finite
+from col3d.layers.weight_file import check_finite, check_fractions
 from col3d.models.published import OURS
 
 
@@ -26,7 +26,7 @@ def begin_from(network: nn.Module, options: InitOptions, say: Callable[[str], No
     """
     if options.checkpoint is None:
         return
-    given, wanted = _tensors(options), network.state_dict()
+    given, wanted = _checked(options), network.state_dict()
     shared = [name for name in wanted if name in given]
     fitting = {name: given[name] for name in shared if given[name].shape == wanted[name].shape}
     if not any(name in fitting for name, _ in network.named_parameters()):
@@ -34,6 +34,10 @@ def begin_from(network: nn.Module, options: InitOptions, say: Callable[[str], No
             f"init.checkpoint: none of the {len(given)} tensors in {options.checkpoint} fits this network; "
             "begin from a checkpoint of the same model and encoder"
         )
+    try:
+        check_fractions(fitting, wanted)
+    except ValueError as error:
+        raise UserError(f"init.checkpoint: {options.checkpoint}: {error}") from None
     network.load_state_dict(fitting, strict=False)
     say(f"begins from {len(fitting)} of {len(wanted)} tensors of {options.checkpoint}")
     absent = [name for name in wanted if name not in given]
@@ -48,6 +52,15 @@ def begin_from(network: nn.Module, options: InitOptions, say: Callable[[str], No
             say(f"note: {what}: {_by_part(names)}")
 
 
+def _checked(options: InitOptions) -> Mapping[str, Tensor]:
+    """Tensors of the file; what is wrong with it, by the names that these options have in `train.py`."""
+    try:
+        return _tensors(options)
+    except UserError as error:
+        said = str(error).removeprefix("init.checkpoint: ").removeprefix("checkpoint: ")
+        raise UserError(f"init.checkpoint: {said}") from None
+
+
 def _tensors(options: InitOptions) -> Mapping[str, Tensor]:
     path = Path(str(options.checkpoint))
     if options.published is not None:
@@ -55,16 +68,15 @@ def _tensors(options: InitOptions) -> Mapping[str, Tensor]:
     content = read_file(path)
     state = content.get("state_dict")
     named = state if isinstance(state, Mapping) else {}
-    ours = {name.removeprefix(OURS): values for name, values in named.items() if name.startswith(OURS)}
+    ours = {name.removeprefix(OURS): values for name, values in named.items() if str(name).startswith(OURS)}
     if not ours:
         raise UserError(
-            f"init.checkpoint: {path} is not a checkpoint of train.py; for the authors' weights say "
-            "init.published=<whose>"
+            f"{path} is not a checkpoint of train.py; for the authors' weights say init.published=<whose>"
         )
     try:
         check_finite(ours)
     except ValueError as error:
-        raise UserError(f"init.checkpoint: {path}: {error}") from None
+        raise UserError(f"{path}: {error}") from None
     return ours
 
 

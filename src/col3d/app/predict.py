@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from col3d.app.cameras import camera_at, lens_of, view_of
+from col3d.app.cameras import camera_at, lens_of, outside_image, view_of
 from col3d.app.compiled import compile_network
 from col3d.app.config import PredictOptions
 from col3d.app.foreseen import in_a_line
@@ -115,7 +115,10 @@ def _say_what_holds(network: Learnt, lens: Camera | None) -> None:
     """What the numbers mean with this camera, before they are made."""
     if lens is None:
         print("camera: none given; depth is relative and no millimetres are claimed", flush=True)
-    elif network.cameras and not network.knows(lens):
+        return
+    if outside := outside_image(lens):
+        print(f"camera: {outside}", flush=True)
+    if network.cameras and not network.knows(lens):
         print(
             f"camera: not the lens that {network.name} was trained with ({', '.join(network.trained_on)}); "
             "millimetres are those of a lens that the network has never seen",

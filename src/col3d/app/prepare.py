@@ -70,7 +70,7 @@ def _prepare(
     for note in frames.notes.values():
         print(f"note: {note}", flush=True)
     if not counts:
-        raise UserError(f"data.root={source.root}: no frames {frames.example} in any folder")
+        raise UserError(f"data.root={source.root}: {frames.without_frames()}")
     _check_place(store, Path(source.root), recipe, list(counts))
     remove_stale(store)
     missing = [video for video in counts if not _is_prepared(store, frames, video, recipe)]

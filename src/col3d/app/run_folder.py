@@ -15,6 +15,7 @@ from col3d.app.starts import STARTS, Start, Starts
 from col3d.callbacks import BestCheckpoint
 from col3d.checks import UserError
 from col3d.earlier import updated
+from col3d.models.options import file_of_weights
 from col3d.owned import Owned
 from col3d.refusals import check_options
 from col3d.reports.jobs import RESULT, STATUS, TRAINING, read_plain
@@ -175,10 +176,29 @@ class RunFolder:
         return []
 
     def _check_place(self) -> None:
-        """Refuse what would be replaced and is not this program's."""
+        """Refuse what would be replaced and is not this program's, or is what the run begins from."""
+        self._check_sources()
         self.owned.check(FILES)
         if (self.path / CHECKPOINTS).exists() and not self.owned.names:
             raise UserError(f"{self.path} holds {CHECKPOINTS} of something else; give another hydra.run.dir")
+
+    def _check_sources(self) -> None:
+        """Refuse to begin from weights that beginning clears away.
+
+        Raises:
+            UserError: names the option and the file.
+        """
+        mine = {(self.path / name).resolve() for name in FILES}
+        options = self.options
+        for option, name in (
+            ("init.checkpoint", options.init.checkpoint),
+            ("model.pretrained", file_of_weights(options.model)),
+        ):
+            if name and Path(name).resolve() in mine:
+                raise UserError(
+                    f"{option}: {name} is a file of this very run, {self.path}, which begins anew and would "
+                    "replace it; give another hydra.run.dir, or copy the file to another place"
+                )
 
     def _last_checkpoint(self) -> tuple[Path | None, dict[str, Any]]:
         """The newest checkpoint that is whole, if the best that it speaks of is, too."""

@@ -10,6 +10,7 @@ from typing import Any
 from col3d.app.config import TrainOptions
 from col3d.app.data_state import data_state
 from col3d.app.provenance import code_sum, command, commit, plugins, versions
+from col3d.models.options import file_of_weights
 from col3d.plugins import versions as plugin_versions
 from col3d.reports.jobs import read_plain
 from col3d.reports.summary import write_json
@@ -20,8 +21,7 @@ Start = dict[str, Any]
 
 def this_start(options: TrainOptions) -> Start:
     """What a start finds now."""
-    pretrained = getattr(options.model, "pretrained", None)
-    files = {"model.pretrained": str(pretrained or ""), "init.checkpoint": options.init.checkpoint}
+    files = {"model.pretrained": file_of_weights(options.model), "init.checkpoint": options.init.checkpoint}
     given = {option: Path(name) for option, name in files.items() if name and Path(name).is_file()}
     return {
         "time": datetime.now(UTC).isoformat(timespec="seconds"),

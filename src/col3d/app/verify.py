@@ -139,7 +139,7 @@ def _plans(source: SourceOptions, frames: FrameSet, fast: bool) -> tuple[dict[st
     folders = {video: folder for video, folder in frames.folders.items() if video not in foreign}
     plans = {video: plan_video(frames, video, folder, fast) for video, folder in folders.items()}
     if not any(plan.frames for plan in plans.values()):
-        raise UserError(f"data.root={source.root}: no frames {frames.example} in any folder")
+        raise UserError(f"data.root={source.root}: {frames.without_frames()}")
     named = _named(source, list(folders))
     empty = [video for video, plan in plans.items() if not (plan.frames or plan.findings or video in named)]
     notes = [

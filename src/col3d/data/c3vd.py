@@ -21,6 +21,7 @@ from col3d.data.files import read_grey, read_rgb
 from col3d.data.frame_files import Frame, Kind
 from col3d.data.frames import Depth, FrameSet, Take, everywhere
 from col3d.data.octagon import octagon_mask
+from col3d.data.pose_files import pose_rows
 from col3d.data.release import (
     AGREEMENT,
     FULL_CODE,
@@ -177,15 +178,7 @@ class C3VD(FrameSet):
         if not path.is_file():
             raise DataError(f"{path}: no such file; the poses of a video are in it, a line a frame")
         try:
-            lines = path.read_text(encoding="utf-8").rstrip().splitlines()
-            rows = [[float(number) for number in line.split(",")] for line in lines]
-            if (lengths := {len(row) for row in rows}) != {16}:
-                found = ", ".join(map(str, sorted(lengths)))
-                raise ValueError(
-                    f"got {len(rows)} lines of {found}; append 0,0,0,1 to lines of 12, and turn quaternions "
-                    "into rotations"
-                )
-            poses = camera_to_world(np.array(rows))
+            poses = camera_to_world(np.array(pose_rows(path)))
             turns = poses[:, :3, :3]
             off = np.abs(turns @ turns.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
             fine = np.isfinite(poses).all(axis=(1, 2)) & (off < OFF_ORTHONORMAL)

@@ -11,15 +11,27 @@ from torch import Tensor
 
 from col3d.checks import DataError
 from col3d.data.depth_files import check_depth_file, read_depth_file
-from col3d.data.frame_files import Kind, Twice, labelled, refuse_twice
+from col3d.data.frame_files import Frame, Kind, Twice, labelled, refuse_twice
 from col3d.data.frame_pairing import LABEL, pair
 from col3d.data.frames import Depth, FrameSet, check_root, named
+from col3d.data.splits import selection_of_any_video
 from col3d.geometry.camera_file import read_camera
 
 DEEPEST = 3
 """Levels below the root at which a video may lie."""
 SHORT = 2
 """Bytes of numbers that a float of 32 bits holds exactly."""
+
+
+def too_deep(root: Path, video: str) -> str:
+    """Why the folder of a video is not found though it is there; nothing of any other."""
+    levels = video.strip("/").count("/") + 1
+    if levels <= DEEPEST or not (root / video).is_dir():
+        return ""
+    return (
+        f"data.root={root}: {video} lies {levels} levels below it, and videos are looked for on {DEEPEST}; "
+        "name a folder nearer to them"
+    )
 
 
 class FolderFrames(FrameSet):
@@ -74,6 +86,38 @@ class FolderFrames(FrameSet):
         """The folder of each video by its path below the root, at most three levels deep."""
         check_root(self.root)
         return {path.relative_to(self.root).as_posix(): path for path in self._videos(self.root, DEEPEST)}
+
+    def find(self, entry: str) -> list[Frame]:
+        """The frames of an entry of a split.
+
+        Raises:
+            DataError: as of any data set, and where the folder's images have other names or lie elsewhere.
+        """
+        video = selection_of_any_video(entry, list(self.folders)).video
+        if (reason := too_deep(self.root, video)) and video not in self.folders:
+            raise DataError(reason)
+        folder = self.folders.get(video)
+        if folder is not None and not self._has_images(folder) and (reason := self.why_none(folder)):
+            raise DataError(f"{folder}: {reason}")
+        return super().find(entry)
+
+    def why_none(self, folder: Path) -> str:
+        """Why a folder without images is so, where other files or folders tell; else nothing."""
+        name = Path(self.kinds["color"].name)
+        place = folder / name.parent
+        others = sorted(path.name for path in place.glob(f"*{name.suffix}")) if place.is_dir() else []
+        if others:
+            return (
+                f"none of its {len(others)} files *{name.suffix} is called as data.layout.image={name} says, "
+                f"with a number or time stamp in place of {{}}; there is {others[0]!r}"
+            )
+        for path in sorted(folder.rglob(f"*{name.suffix}")):
+            if self._has_images(Path(str(path.parent).removesuffix(f"/{name.parent}"))):
+                return (
+                    f"its images lie deeper, such as {path}; videos lie at most {DEEPEST} levels below "
+                    "data.root: name a folder nearer to them"
+                )
+        return ""
 
     def renamed(self) -> dict[str, str]:
         """None: a video is called by where it lies."""

@@ -123,6 +123,16 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
         """Why a video cannot be scored or trained on, whatever its files are; nothing of any other."""
         return ""
 
+    def without_frames(self) -> str:
+        """What is said where no folder has any frame."""
+        reasons = (self.why_none(folder) for folder in self.folders.values())
+        reason = next((f"; {why}" for why in reasons if why), "")
+        return f"no frames {self.example} in any folder{reason}"
+
+    def why_none(self, folder: Path) -> str:
+        """Why a folder without images is so, where other files in it tell; else nothing."""
+        return ""
+
     def renamed(self) -> dict[str, str]:
         """Videos that lie in folders of other names: the name here -> the name of the folder."""
         return {video: folder.name for video, folder in self.folders.items() if video != folder.name}

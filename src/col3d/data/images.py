@@ -9,6 +9,7 @@ from pathlib import Path
 
 from col3d.checks import DataError, DiskError
 from col3d.data.c3vd import C3VD
+from col3d.data.containers import container_of
 from col3d.data.headers import read_header
 from col3d.data.photos import Photos, choose_photos, is_photo_folder, kind_by_name
 from col3d.data.simcol3d import SimCol3D
@@ -82,13 +83,13 @@ def image_source(given: str) -> ImageSource:
 
 def _file(path: Path) -> ImageSource:
     """An image, several in one file, or else a video: what is in it decides, not its name."""
-    ending = path.suffix.lower()
-    if ending not in VIDEO_ENDINGS and (ending in IMAGE_ENDINGS or image_format(path) in MOVING_FORMATS):
+    ending, container = path.suffix.lower(), container_of(path)
+    if image_format(path) in MOVING_FORMATS or (ending in IMAGE_ENDINGS and not container):
         return as_pictures(path) or ImageFiles(path.stem, {0: path}, is_video=False)
     try:
         return VideoFile(path)
     except DataError as error:
-        if ending in VIDEO_ENDINGS:
+        if ending in VIDEO_ENDINGS or container:
             raise
         raise DataError(f"{error}, and is no image either; input takes images, videos and folders") from None
 

@@ -10,7 +10,7 @@ import numpy as np
 from PIL import Image
 
 from col3d.checks import DataError, DiskError
-from col3d.data.containers import missing_bytes
+from col3d.data.containers import container_of, declared_length, missing_bytes
 from col3d.data.decode import TAKEN, read_rgb8, refusals
 from col3d.data.headers import check_photo, read_header
 from col3d.data.sources import ImageSource, Shot, check_sides
@@ -36,7 +36,7 @@ class VideoFile(ImageSource):
         self.path, self.name, self.paths = path, path.stem, (path,)
         capture = open_video(path)
         if not capture.isOpened():
-            raise DataError(f"{path}: cannot be opened as a video")
+            raise DataError(f"{path}: cannot be opened as a video{_why_not(path)}")
         width, height = (capture.get(key) for key in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
         self.size_hw = (int(height), int(width))
         check_sides(path, *self.size_hw)
@@ -46,8 +46,15 @@ class VideoFile(ImageSource):
         capture.release()
         if not decoded:
             missing = missing_bytes(path)
-            why = f"the file is cut off: {missing} bytes are missing" if missing else f"of images {TAKEN}"
+            why = f"it is damaged, or of a kind that is not taken; of images {TAKEN}"
+            why = f"the file is cut off: {missing} bytes are missing" if missing else why
             raise DataError(f"{path}: no frame of it can be decoded; {why}")
+        if declared_length(path) is None:
+            what = container_of(path) or "file of this kind"
+            self.notes = (
+                f"note: {path}: a {what} need not say how long it is, and this one does not: nothing tells "
+                "whether its end is missing",
+            )
 
     def sizes(self) -> Iterator[tuple[int, int]]:
         """The one of all frames."""
@@ -119,6 +126,16 @@ class Pictures(ImageSource):
         with refusals(self.path), warnings.catch_warnings(action="ignore"):
             image.seek(number)
             return np.asarray(image.convert("RGB"))
+
+
+def _why_not(path: Path) -> str:
+    """What is wrong with a file that begins as a video and is none; nothing where it does not."""
+    container = container_of(path)
+    if not container:
+        return ""
+    if missing := missing_bytes(path):
+        return f": the file is cut off: {missing} bytes are missing"
+    return f", though it begins as one ({container}): it is damaged, or of a kind that is not taken"
 
 
 def as_pictures(path: Path) -> Pictures | None:

@@ -114,8 +114,9 @@ def check_round_trip(camera: Camera) -> None:
     The image of a fisheye may be a circle, outside which pixels have no ray.
 
     Raises:
-        ValueError: names a pixel.
+        ValueError: names a pixel, or the principal point where it is no place of this image.
     """
+    _check_centre(camera)
     v, u = (torch.linspace(0, side - 1, PROBED, dtype=torch.float64) for side in camera.size_hw)
     pixels = torch.cartesian_prod(u, v)
     rays = camera.unproject(pixels)
@@ -133,6 +134,21 @@ def check_round_trip(camera: Camera) -> None:
         raise ValueError(
             f"expected rays that lead back to their pixels, and that of ({at_u}, {at_v}) misses it; "
             "does the polynomial belong to this size and centre?"
+        )
+
+
+def _check_centre(camera: Camera) -> None:
+    """Refuse a principal point that not even a piece cut out of a larger image would have.
+
+    Raises:
+        ValueError: says where it is.
+    """
+    height, width = camera.size_hw
+    u, v = camera.centre
+    if not (-width <= u <= 2 * width and -height <= v <= 2 * height):
+        raise ValueError(
+            f"the principal point ({u:.6g}, {v:.6g}) lies far outside of an image of {height} x {width} "
+            "pixels; are these the numbers of another size?"
         )
 
 

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from col3d.checks import OptionError, nearest_name
-from col3d.layers.weight_file import check_archive, check_finite
+from col3d.layers.weight_file import check_archive, check_finite, check_fractions
 
 SCALES = (2, 4, 8, 16, 32)
 PROBE_HW = (64, 96)
@@ -140,7 +140,7 @@ def refuse_more_blocks(used: Sequence[str], unused: Sequence[str], source: str) 
             )
 
 
-def read_encoder_weights(path: Path) -> Mapping[str, Tensor]:
+def read_encoder_weights(path: Path) -> Mapping[Any, Any]:
     """Names to tensors of a weight file.
 
     Raises:
@@ -157,12 +157,12 @@ def read_encoder_weights(path: Path) -> Mapping[str, Tensor]:
     except ValueError as error:
         raise OptionError(f"model.pretrained: {error}") from None
     try:
-        found: Mapping[str, Tensor] = load_state_dict(str(path), weights_only=True)
+        found: Mapping[Any, Any] = load_state_dict(str(path), weights_only=True)
     except Exception as error:
         raise OptionError(
             f"model.pretrained: {str(path)!r} cannot be read as weights ({type(error).__name__})"
         ) from error
-    if any(name.startswith("network.") for name in found):
+    if any(str(name).startswith("network.") for name in found):
         raise OptionError(
             f"model.pretrained: {path} is a checkpoint of train.py, not weights of an encoder; begin from it "
             "with init.checkpoint"
@@ -170,9 +170,7 @@ def read_encoder_weights(path: Path) -> Mapping[str, Tensor]:
     return found
 
 
-def fill_encoder(
-    net: nn.Module, wanted: Mapping[str, Tensor], given: Mapping[str, Tensor], source: str
-) -> None:
+def fill_encoder(net: nn.Module, wanted: Mapping[str, Tensor], given: Mapping[str, Any], source: str) -> None:
     """Load what is wanted of the given weights.
 
     Raises:
@@ -189,6 +187,7 @@ def fill_encoder(
         )
     try:
         check_finite(chosen)
+        check_fractions(chosen, wanted)
     except ValueError as error:
         raise OptionError(f"model.pretrained: {source}: {error}") from None
     net.load_state_dict(chosen, strict=False)

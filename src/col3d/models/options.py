@@ -45,6 +45,12 @@ def untrained(options: ModelOptions) -> ModelOptions:
     return options.model_copy(update={"pretrained": nothing}) if before else options
 
 
+def file_of_weights(options: ModelOptions) -> str | None:
+    """What `model.pretrained` names, where a network has that option and it is a text."""
+    given = getattr(options, "pretrained", None)
+    return given if isinstance(given, str) else None
+
+
 def model_options(given: Any) -> ModelOptions:
     """Options of a registered network, checked against its signature.
 

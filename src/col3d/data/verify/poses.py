@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from col3d.data.pose_files import WANTED, numbers_of, pose_lines
 from col3d.data.release import OFF_ORTHONORMAL, camera_to_world
 from col3d.data.verify.findings import Finding
 from col3d.data.verify.reproject import Pose
@@ -20,7 +21,7 @@ def read_poses(path: Path, video: str) -> tuple[dict[int, Pose], int, list[Findi
         video: that it is of.
     """
     try:
-        lines = path.read_text(encoding="utf-8").rstrip().splitlines()
+        lines = pose_lines(path)
     except (OSError, ValueError) as error:
         return {}, 0, [Finding("poses", f"{path}: cannot be read ({error})", video)]
     rows, findings = {}, []
@@ -37,10 +38,10 @@ def read_poses(path: Path, video: str) -> tuple[dict[int, Pose], int, list[Findi
 
 def _numbers(line: str) -> np.ndarray | None:
     try:
-        row = np.array([float(number) for number in line.split(",")])
+        row = np.array(numbers_of(line))
     except ValueError:
         return None
-    return row if len(row) == 16 and np.isfinite(row).all() else None
+    return row if len(row) == WANTED and np.isfinite(row).all() else None
 
 
 def _matrices(rows: Mapping[int, np.ndarray]) -> tuple[dict[int, Pose], dict[int, tuple[str, str]]]:

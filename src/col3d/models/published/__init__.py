@@ -13,7 +13,7 @@ from torch import Tensor
 
 from col3d.checks import check_known
 from col3d.layers.network import DepthNetwork
-from col3d.layers.weight_file import check_archive, check_finite
+from col3d.layers.weight_file import check_archive, check_finite, check_fractions
 from col3d.models import create
 from col3d.models.published.bts_family import (
     BTS_CBAM_MTL_WEIGHTS,
@@ -179,6 +179,7 @@ def _fill(network: DepthNetwork, given: dict[str, Tensor], spelled: Mapping[str,
             raise ValueError(f"state_dict: {rule} {_some(names)}")
     try:
         check_finite({spelled[n]: values for n, values in given.items()})
+        check_fractions(given, wanted)
     except ValueError as error:
         raise ValueError(f"state_dict: {error}") from None
     network.load_state_dict(given, strict=False)
