@@ -16,7 +16,7 @@ from col3d.models.pix2pix import Pix2Pix, downs_for
 @cache
 def network(downs: int = 6) -> Pix2Pix:
     torch.manual_seed(0)
-    return Pix2Pix(width=64, max_depth=80.0, size=(2**downs, 2**downs))
+    return Pix2Pix(width=64, max_depth=80.0, size_hw=(2**downs, 2**downs))
 
 
 def size_of(module: nn.Module) -> int:
@@ -67,7 +67,7 @@ class Twin:
 def test_is_the_published_function_of_the_image(downs: int) -> None:
     torch.manual_seed(0)
     side = 2**downs
-    network = Pix2Pix(width=64, max_depth=80.0, size=(side, side)).eval()
+    network = Pix2Pix(width=64, max_depth=80.0, size_hw=(side, side)).eval()
     randomise(network)
     image = torch.rand(2, 3, side, side)
     expected = 80 * (Twin(network)(2 * image.double() - 1) + 1) / 2
@@ -118,7 +118,7 @@ def test_dropout_is_in_three_inner_blocks() -> None:
 )
 def test_downs_follow_the_size(size: tuple[int, int], downs: int) -> None:
     with torch.device("meta"):
-        generator = Pix2Pix(width=64, size=size)
+        generator = Pix2Pix(width=64, size_hw=size)
     assert (downs_for(size), generator.downs, generator.multiple) == (downs, downs, 2**downs)
 
 
@@ -140,7 +140,7 @@ def test_depth_is_in_range_whatever_the_size(size_hw: tuple[int, int]) -> None:
 
 
 def test_small_depths_keep_their_digits() -> None:
-    network = Pix2Pix(width=64, size=(32, 32)).eval()
+    network = Pix2Pix(width=64, size_hw=(32, 32)).eval()
     nn.init.zeros_(network.head.weight)
     nn.init.constant_(network.head.bias, -12.0)  # tanh in float32 is -1 there
     with torch.no_grad():
@@ -160,12 +160,12 @@ def test_what_is_offered_to_others() -> None:
 
 
 def test_a_decoder_of_normals_builds_upon_the_u_net() -> None:
-    normals_build_upon(Pix2Pix(width=64, size=(64, 64)))
+    normals_build_upon(Pix2Pix(width=64, size_hw=(64, 64)))
 
 
 @pytest.mark.parametrize("batch", [1, 2])
 def test_every_parameter_learns_even_from_one_image(batch: int) -> None:
-    network = Pix2Pix(width=64, size=(64, 64)).train()
+    network = Pix2Pix(width=64, size_hw=(64, 64)).train()
     image = torch.rand(batch, 3, 64, 64, requires_grad=True)
     torch.manual_seed(0)
     network(image)["depth"].square().sum().backward()

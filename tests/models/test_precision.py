@@ -19,5 +19,5 @@ def test_float64_is_the_twin_of_float32(name: str) -> None:
 
 
 def test_a_depth_bound_that_is_none_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"model\.max_depth: expected mm above 0, got 0"):
+    with pytest.raises(ValueError, match=r"model\.max_depth: expected greater than 0, got 0"):
         create("bts", encoder="resnet18", width=64, max_depth=0.0)
