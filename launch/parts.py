@@ -17,8 +17,8 @@ OPTION = "plugins="
 USUAL = {"task": "supervised"}
 """Choices that a configuration has without being told."""
 
-
 _stored: dict[tuple[str, str], Part] = {}
+"""What is in the store, which takes a while to fill."""
 
 
 class PluginConfigurations(SearchPathPlugin):

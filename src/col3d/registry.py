@@ -1,4 +1,4 @@
-"""The one door for parts of an experiment: networks and losses by name, from here or from anybody's package.
+"""The one door for parts of an experiment: networks, losses and optimisers by name.
 
 ```python
 from col3d.registry import register_model
@@ -106,14 +106,7 @@ class Registry:
     ) -> Built:
         if not name.isidentifier():
             raise ValueError(f"register_{self.kind}: a name is letters, digits and _, got {name!r}")
-        part = Part(
-            self.kind,
-            name,
-            build,
-            self.supplied,
-            chooses,
-            facts,
-        )
+        part = Part(self.kind, name, build, self.supplied, chooses, facts)
         before = self.parts.get(name)
         if before is not None and _place(before.build) != _place(build):
             raise ValueError(
