@@ -8,10 +8,9 @@ from launch import composed, given_overrides, launch, slug, sweep_of
 
 def run(given: dict[str, Any]) -> None:
     """Make the jobs, run them and write the report."""
-    from col3d.app.errors import check_options
-
     from col3d.app.benchmark import make_job, run_benchmark
     from col3d.app.config import BenchmarkFile
+    from col3d.refusals import check_options
 
     options = check_options(BenchmarkFile, {"benchmark": given["benchmark"]}).benchmark
     output = Path(options.output).absolute()
