@@ -5,13 +5,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from col3d.app.errors import check_options
 from tiny_run import composed
 
 from col3d.app import config
 from col3d.app.config import FuseOptions
 from col3d.app.fused_video import video_of
 from col3d.checks import DataError, UserError
+from col3d.refusals import check_options
 from launch.paths import as_typed
 
 NAMES = (
