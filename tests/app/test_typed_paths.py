@@ -12,6 +12,8 @@ from omegaconf import OmegaConf
 from pydantic import BaseModel
 
 from col3d.app import config
+from col3d.models.options import ModelOptions
+from col3d.registry import MODELS, available
 from launch import composed
 from launch.files import CONF
 from launch.paths import MAY_BE_NULL, NAMES, PATHS, as_typed, quoted, quoted_again
@@ -202,7 +204,8 @@ def text_options(model: type[BaseModel], prefix: str = "") -> dict[str, bool]:
     return found
 
 
-NO_PATH = {"preset", "prepare.preset", "model.encoder", "data.split.name", "name"}
+NO_PATH = {"preset", "prepare.preset", "data.split.name", "name", "optimizer.name"}
+NO_PATH |= {f"model.{name}" for name in ("name", "encoder", "heads", "pyramid_norm")}
 """Free text that is a name of ours."""
 
 
@@ -225,6 +228,13 @@ def test_no_option_that_is_a_path_is_forgotten(model: type[BaseModel]) -> None:
             continue
         assert PATHS.fullmatch(option), option
         assert nullable is False or option in MAY_BE_NULL, option
+
+
+@pytest.mark.parametrize("name", available("model"))
+def test_no_option_of_a_network_that_is_a_path_is_forgotten(name: str) -> None:
+    for option, nullable in text_options(MODELS[name].options(ModelOptions), "model.").items():
+        assert option in NO_PATH or PATHS.fullmatch(option), option
+        assert option in NO_PATH or nullable is False or option in MAY_BE_NULL, option
 
 
 def test_data_sets_beside_have_paths_too() -> None:
