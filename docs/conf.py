@@ -111,6 +111,8 @@ def hide_long_values(app: Sphinx, page: nodes.document) -> None:
 
 def setup(app: Sphinx) -> None:
     """Connect what is above."""
+    for name in modules_of("col3d"):  # now: autodoc changes pydantic's base, and models made later would fail
+        import_module(name)
     app.connect("source-read", prepare_page)
     app.connect("autodoc-process-signature", plain_signature)
     app.connect("autodoc-process-docstring", hide_colons, priority=400)  # napoleon has 500

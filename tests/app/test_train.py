@@ -19,7 +19,7 @@ from col3d.callbacks import EpochLines
 from col3d.checks import DataError, UserError
 from col3d.geometry.camera_file import camera_from_plain
 from col3d.layers.network import DepthNetwork
-from col3d.losses import weighted
+from col3d.losses import depth
 from col3d.reports.per_frame import DEPTH_METRICS, IDENTITY, METRICS, means, read_per_frame
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*pin_memory.*")
@@ -184,7 +184,7 @@ def test_weights_and_biases_offline(tiny: Compose, tmp_path: Path) -> None:
 def test_a_diverging_run_names_step_and_frames(
     tiny: Compose, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(weighted.DEPTH, "silog", lambda preds, target, mask: preds.sum() * float("nan"))
+    monkeypatch.setattr(depth, "silog", lambda preds, target, mask: preds.sum() * float("nan"))
     with pytest.raises(
         UserError, match=r"the loss is nan, because of loss_depth at step 0 \(frames .*optimizer\.lr"
     ):

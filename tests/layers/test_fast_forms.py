@@ -91,7 +91,7 @@ def test_maps_are_fused_without_being_put_together() -> None:
 
 @pytest.mark.parametrize("name", ["col3d_mtl", "pix2pix"])
 def test_weights_lie_as_the_images_do(name: str) -> None:
-    options = {"encoder": "none", "size": (64, 64)} if name == "pix2pix" else {"encoder": "resnet18"}
+    options = {"encoder": "none", "size_hw": (64, 64)} if name == "pix2pix" else {"encoder": "resnet18"}
     network = create(name, width=64, **options)
     convolutions = [m for m in network.modules() if isinstance(m, nn.Conv2d) and m.kernel_size == (3, 3)]
     assert all(m.weight.is_contiguous(memory_format=network.memory_format) for m in convolutions)
