@@ -53,9 +53,9 @@ def load_plugins(arguments: Sequence[str]) -> list[str]:
 
 def store_parts() -> None:
     """Put every registered part into Hydra's store of configurations; files of the same name go first."""
+    from col3d import optimizers
     from col3d.models import options as models
     from col3d.registry import MODELS, OPTIMIZERS
-    from col3d.tasks import optimizers
 
     for registry, node in ((MODELS, models.node), (OPTIMIZERS, optimizers.node)):
         for part in map(registry.__getitem__, registry.names()):

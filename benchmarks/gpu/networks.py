@@ -20,7 +20,7 @@ from col3d.batch import Batch, Prediction
 from col3d.layers.network import DepthNetwork
 from col3d.losses import WeightedLoss
 from col3d.models import create
-from col3d.tasks.optimizers import optimizer_of
+from col3d.optimizers import optimizer_of
 
 TWINS = ("col3d_mtl", "newcrfs")
 TWIN = "published code"

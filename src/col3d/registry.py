@@ -1,12 +1,5 @@
 """The one door for parts of an experiment: networks, losses and optimisers by name.
 
-```python
-from col3d.registry import register_model
-
-@register_model("unet", loss="silog")
-class UNet(nn.Module): ...
-```
-
 The signature is the schema: its parameters are the options, its defaults the only defaults.
 """
 
@@ -148,7 +141,7 @@ def _place(build: Callable[..., Any]) -> str:
 
 MODELS = Registry("model", "col3d.models", option="model.name", supplied=("size_hw",))
 LOSSES = Registry("loss", "col3d.losses.terms", "loss.terms", ("prediction", "batch", "max_depth"))
-OPTIMIZERS = Registry("optimizer", "col3d.tasks.optimizers", "optimizer.name", ("params",))
+OPTIMIZERS = Registry("optimizer", "col3d.optimizers", "optimizer.name", ("params",))
 KINDS = {registry.kind: registry for registry in (MODELS, LOSSES, OPTIMIZERS)}
 
 
@@ -185,7 +178,7 @@ def register_loss(
     needs: tuple[str, ...] = ("depth",),
     truth: tuple[str, ...] = (),
 ) -> Any:
-    """Register a term of a loss: a function (prediction, batch, **options) -> scalar.
+    """Register a term of a loss: a function (prediction, batch, and its options) -> scalar.
 
     Args:
         name: for `loss.terms.<entry>=NAME`.

@@ -17,9 +17,9 @@ from col3d.checks import UserError
 from col3d.data.splits import paper_split
 from col3d.losses.options import LossOptions
 from col3d.models.options import ModelOptions
+from col3d.optimizers import OptimizerOptions
 from col3d.refusals import check_options
 from col3d.registry import available
-from col3d.tasks.optimizers import OptimizerOptions
 
 GROUPS = sorted(
     path.name for path in CONF.iterdir() if path.is_dir() and path.name not in ("data", "experiment")

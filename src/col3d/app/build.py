@@ -25,14 +25,14 @@ from col3d.losses import WeightedLoss
 from col3d.metrics import Protocol
 from col3d.models import create
 from col3d.models.options import ModelOptions
-from col3d.registry import MODELS
-from col3d.tasks import AdversarialTask, SupervisedTask
-from col3d.tasks.optimisation import (
+from col3d.optimisation import (
     SchedulerFactory,
     polynomial_decay,
     step_decay,
 )
-from col3d.tasks.optimizers import optimizer_of
+from col3d.optimizers import optimizer_of
+from col3d.registry import MODELS
+from col3d.tasks import AdversarialTask, SupervisedTask
 
 
 def network(options: ModelOptions, size_hw: tuple[int, int]) -> nn.Module:

@@ -15,10 +15,10 @@ from pydantic import (
 
 from col3d.losses.options import LossOptions, Weight
 from col3d.models.options import ModelOptions, model_options
+from col3d.optimizers import OptimizerOptions, optimizer_options
 from col3d.registry import MODELS
 from col3d.reports.per_frame import DEPTH_METRICS, NORMAL_METRICS
 from col3d.schema import NoneWord, Options
-from col3d.tasks.optimizers import OptimizerOptions, optimizer_options
 
 Split = Literal["train", "val", "test"]
 Published = Literal["bts", "col3d_bts_cbam", "col3d_mtl_no_xtc", "col3d_mtl", "newcrfs", "monodepth_fpn"]

@@ -11,9 +11,9 @@ from torchmetrics import MeanMetric
 
 from col3d.batch import Batch, Prediction, normals_mask
 from col3d.metrics import DepthMetrics, FrameMean, NormalMetrics, Protocol
+from col3d.optimisation import OptimizerFactory, SchedulerFactory
 from col3d.tasks.epoch_totals import EpochTotals
 from col3d.tasks.mirror import mirror_average
-from col3d.tasks.optimisation import OptimizerFactory, SchedulerFactory
 
 EPOCH = "epoch_so_far"
 """Where a checkpoint keeps the sums of an epoch that is under way."""

@@ -11,9 +11,9 @@ from torch import nn
 from torch.optim import Optimizer
 
 from col3d.checks import OptionError
+from col3d.optimisation import OptimizerFactory, parameter_groups
 from col3d.registry import OPTIMIZERS, Part, register_optimizer
 from col3d.schema import NoneWord, Options, plain
-from col3d.tasks.optimisation import OptimizerFactory, parameter_groups
 
 UNFIT = (torch.optim.Optimizer, torch.optim.LBFGS, torch.optim.SparseAdam, torch.optim.Muon)
 """A base, and those that need a closure, sparse gradients or matrices alone."""
