@@ -47,8 +47,6 @@ def optimizer_options(given: Any) -> OptimizerOptions:
     assert isinstance(options, OptimizerOptions)
     if options.decoder_weight_decay is not None and not hasattr(options, "weight_decay"):
         raise OptionError(f"optimizer.decoder_weight_decay: {options.name} has no weight decay")
-    if getattr(options, "weight_decay", 0) < 0:
-        raise OptionError(f"optimizer.weight_decay: expected 0 or more, got {options.weight_decay}")  # type: ignore[attr-defined]
     _try(options)
     return options
 

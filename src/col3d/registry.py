@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, TypeVar
 
+from pydantic import Field
 from pydantic_core import PydanticUndefined
 
 from col3d import plugins
@@ -29,6 +30,7 @@ class Part:
         name: on the command line.
         build: a class or a function; its keyword parameters are the options.
         supplied: parameters that the program gives.
+        rules: pydantic's `Field` for parameters that every part of this kind means alike, by name.
         chooses: other groups of options that this one brings along, such as `{"loss": "silog"}`.
         facts: what else the registration says.
     """
@@ -37,6 +39,7 @@ class Part:
     name: str
     build: Callable[..., Any]
     supplied: tuple[str, ...] = ()
+    rules: Mapping[str, Any] = field(default_factory=dict)
     chooses: Mapping[str, str] = field(default_factory=dict)
     facts: Mapping[str, Any] = field(default_factory=dict)
 
@@ -57,7 +60,7 @@ class Part:
     @functools.cache  # noqa: B019 - parts live as long as the program
     def options(self, base: type[Options] = Options) -> type[Options]:
         """Its options as a pydantic model, on top of those of `base`."""
-        return options_of(self.build, base, self.supplied)
+        return options_of(self.build, base, self.supplied, self.rules)
 
 
 @dataclass
@@ -69,12 +72,14 @@ class Registry:
         home: the module whose import registers the parts of this package.
         option: where a name of one is given, as messages say it.
         supplied: parameters that the program gives to every part that has them.
+        rules: pydantic's `Field` for parameters that every part means alike, by name.
     """
 
     kind: str
     home: str
     option: str
     supplied: tuple[str, ...] = ()
+    rules: Mapping[str, Any] = field(default_factory=dict)
     parts: dict[str, Part] = field(default_factory=dict)
 
     def register(
@@ -99,7 +104,7 @@ class Registry:
     ) -> Built:
         if not name.isidentifier():
             raise ValueError(f"register_{self.kind}: a name is letters, digits and _, got {name!r}")
-        part = Part(self.kind, name, build, self.supplied, chooses, facts)
+        part = Part(self.kind, name, build, self.supplied, self.rules, chooses, facts)
         before = self.parts.get(name)
         if before is not None and _place(before.build) != _place(build):
             raise ValueError(
@@ -141,7 +146,17 @@ def _place(build: Callable[..., Any]) -> str:
 
 MODELS = Registry("model", "col3d.models", option="model.name", supplied=("size_hw",))
 LOSSES = Registry("loss", "col3d.losses.terms", "loss.terms", ("prediction", "batch", "max_depth"))
-OPTIMIZERS = Registry("optimizer", "col3d.optimizers", "optimizer.name", ("params",))
+OPTIMIZERS = Registry(
+    "optimizer",
+    "col3d.optimizers",
+    "optimizer.name",
+    supplied=("params",),
+    rules={
+        "weight_decay": Field(ge=0),
+        "eps": Field(gt=0),
+        "momentum": Field(ge=0, lt=1),
+    },
+)
 KINDS = {registry.kind: registry for registry in (MODELS, LOSSES, OPTIMIZERS)}
 
 

@@ -5,7 +5,7 @@ import warnings
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, is_dataclass
 from pathlib import Path
-from types import NoneType, UnionType
+from types import MappingProxyType, NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model, field_validator
@@ -87,9 +87,18 @@ def parameters(build: Callable[..., Any], supplied: Collection[str] = ()) -> dic
 
 
 def options_of(
-    build: Callable[..., Any], base: type[Options] = Options, supplied: Collection[str] = ()
+    build: Callable[..., Any],
+    base: type[Options] = Options,
+    supplied: Collection[str] = (),
+    rules: Mapping[str, Any] = MappingProxyType({}),
 ) -> type[Options]:
     """A model of the options that a callable takes, on top of those of `base`, whose rules hold for both.
+
+    Args:
+        build: a class or a function.
+        base: options that are there besides.
+        supplied: names of parameters that are given by the program.
+        rules: by name, pydantic's `Field` for parameters that are single numbers, whatever the class says.
 
     Raises:
         SignatureError: as `parameters`.
@@ -98,6 +107,8 @@ def options_of(
     for name, (annotation, default) in parameters(build, supplied).items():
         may_be_none = default is None or NoneType in get_args(_bare(annotation))
         kind = Annotated[annotation | None, NoneWord] if may_be_none else annotation
+        if name in rules and isinstance(default, int | float):
+            kind = Annotated[kind, rules[name]]
         usual = default
         if name in base.model_fields:
             known = base.model_fields[name]

@@ -72,18 +72,16 @@ def frames(root: Path) -> None:
             cv2.imwrite(str(root / video / f"inverse_{number:04d}.png"), (65535 / mm).astype(np.uint16))
 
 
+def call(project: Path, *command: str) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "PYTHONPATH": str(project / "src"), "OMP_NUM_THREADS": "1"}
+    command = (sys.executable, *command)
+    return subprocess.run(command, cwd=project, env=environment, capture_output=True, text=True, check=False)
+
+
 def test_the_worked_steps_train(extended: Path, tmp_path: Path) -> None:
     frames(tmp_path / "data")
-    environment = {**os.environ, "PYTHONPATH": str(extended / "src"), "OMP_NUM_THREADS": "1"}
     place = [f"data.root={tmp_path / 'data'}", f"hydra.run.dir={tmp_path / 'run'}"]
-    answer = subprocess.run(
-        [sys.executable, "train.py", *RUN, *place],
-        cwd=extended,
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    answer = call(extended, "train.py", *RUN, *place)
     assert answer.returncode == 0, answer.stderr
     assert "minimises 1 berhu(threshold=0.1) + 0.5 gradient_l1" in answer.stdout
     assert "Depth: unet on disparity, test split, seed 0, protocol near" in answer.stdout
@@ -94,15 +92,7 @@ COMMANDS = [line for block in blocks(PAGE, "bash") for line in block.splitlines(
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_of_the_page_composes(command: str, extended: Path) -> None:
-    environment = {**os.environ, "PYTHONPATH": str(extended / "src"), "OMP_NUM_THREADS": "1"}
-    answer = subprocess.run(
-        [sys.executable, *shlex.split(command)[1:], "--cfg", "job"],
-        cwd=extended,
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    answer = call(extended, *shlex.split(command)[1:], "--cfg", "job")
     assert answer.returncode == 0, answer.stderr
     assert "name: unet" in answer.stdout
 

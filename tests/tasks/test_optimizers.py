@@ -67,7 +67,6 @@ def test_the_rest_has_a_weight_decay_of_its_own() -> None:
 @pytest.mark.parametrize(
     ("name", "changes", "message"),
     [
-        ("adamw", {"weight_decay": -1.0}, "optimizer.weight_decay: expected 0 or more, got -1.0"),
         ("adamw", {"betas": [1.0, 0.9]}, "optimizer: adamw: Invalid beta parameter at index 0: 1.0"),
         ("sgd", {"nesterov": True, "momentum": 0.0}, "optimizer: sgd: Nesterov momentum requires"),
         ("rprop", {"decoder_weight_decay": 0.1}, "optimizer.decoder_weight_decay: rprop has no weight decay"),
@@ -83,6 +82,13 @@ def test_rules_of_the_library_are_one_line(name: str, changes: dict[str, Any], m
     ("name", "given", "message"),
     [
         ("adamw", {"lr": -1}, "optimizer.lr: expected greater than 0, got -1"),
+        (
+            "adamw",
+            {"weight_decay": -1.0},
+            "optimizer.weight_decay: expected greater than or equal to 0, got -1.0",
+        ),
+        ("adamw", {"eps": 0.0}, "optimizer.eps: expected greater than 0, got 0.0"),
+        ("sgd", {"momentum": 1.0}, "optimizer.momentum: expected less than 1, got 1.0"),
         ("adamw", {"momentum": 0.9}, "optimizer.momentum: no such option"),
         ("lion", {"betas": [0.9]}, "optimizer.betas.1: a value is needed"),
         ("radam", {"eps": "small"}, "optimizer.eps: expected a valid number"),

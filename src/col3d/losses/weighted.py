@@ -50,10 +50,13 @@ class WeightedLoss(nn.Module):
         self.from_epoch: dict[str, int] = {}
         said = []
         for name, given in terms.items():
-            options = None if callable(given) else term_options(given)
-            self.terms[name] = given if callable(given) else _bound(term_options(given), max_depth)
-            self.from_epoch[name] = 0 if options is None else options.from_epoch
-            said.append(f"{self.lambdas[name]:g} {options or name}")
+            if callable(given):
+                self.terms[name], self.from_epoch[name] = given, 0
+                said.append(f"{self.lambdas[name]:g} {name}")
+            else:
+                options = term_options(given)
+                self.terms[name], self.from_epoch[name] = _bound(options, max_depth), options.from_epoch
+                said.append(f"{self.lambdas[name]:g} {options}")
         self.formula = " + ".join(said)
 
     def forward(self, prediction: Prediction, batch: Batch, epoch: int | None = None) -> dict[str, Tensor]:
