@@ -25,11 +25,8 @@ RUN python3 -m venv /opt/venv \
 COPY pyproject.toml README.md LICENSE THIRD_PARTY_NOTICES.md ./
 COPY src src
 RUN pip install --no-cache-dir --no-deps --no-build-isolation -e .
-COPY conf conf
-COPY launch launch
-COPY *.py ./
 
 RUN useradd --no-create-home col3d && mkdir data runs && chown col3d data runs
 USER col3d
 
-ENTRYPOINT ["python", "train.py"]
+ENTRYPOINT ["col3d", "train"]

@@ -35,16 +35,16 @@ system:  ## Install what pip cannot: Chromium for the tests of pages, libusb for
 	apt-get install -y -qq --no-install-recommends chromium chromium-driver libusb-1.0-0
 
 phantom: $(READY)  ## Render the colon that training uses when there is no C3VD
-	$(BIN)/python prepare.py data=phantom $(ARGS)
+	$(BIN)/col3d prepare data=phantom $(ARGS)
 
 train: $(READY)  ## Train and evaluate Col3D-MTL on the phantom (ARGS="key=value ..." changes options)
 	$(BIN)/python train.py $(ARGS)
 
 app: $(READY)  ## Open the newest trained network as a page in the browser, on this machine alone
-	$(BIN)/python app.py $(ARGS)
+	$(BIN)/col3d demo $(ARGS)
 
 benchmark: $(READY)  ## Run the paper's experiments and report them (PRESET=smoke|laptop|paper DATA=c3vd ROOT=path)
-	$(BIN)/python benchmark.py preset=$(PRESET) data=$(DATA) $(if $(ROOT),data.root=$(ROOT)) $(ARGS)
+	$(BIN)/col3d benchmark preset=$(PRESET) data=$(DATA) $(if $(ROOT),data.root=$(ROOT)) $(ARGS)
 
 speed: $(READY)  ## Time networks, metrics, geometry, start-up and data beside twins and floors (DATA=c3vd ROOT=path)
 	$(BIN)/python -m benchmarks.speed --data $(DATA) $(if $(ROOT),--root $(ROOT)) $(ARGS)

@@ -1,16 +1,11 @@
-"""Train and evaluate a network: python train.py model=col3d_mtl loss.lambdas=[0.5,0.3,0.2]."""
+"""Train and evaluate a network: python train.py model=col3d_mtl loss.lambdas=[0.5,0.3,0.2].
 
-from typing import Any
+The same program as `col3d train`, from a checkout.
+"""
 
-from launch import launch
+import sys
 
-
-def run(given: dict[str, Any]) -> float | tuple[float, ...]:
-    """Train; imports wait until the options are composed, so that --help and --cfg answer at once."""
-    from col3d.app.train import train
-
-    return train(given)
-
+from col3d.cli import main
 
 if __name__ == "__main__":
-    launch("train", run)
+    sys.exit(main(["train", *sys.argv[1:]]))

@@ -3,9 +3,9 @@
 from hydra import initialize_config_dir
 
 from col3d.app.config import TrainOptions
+from col3d.cli.files import CONF
+from col3d.cli.program import composed
 from col3d.refusals import check_options
-from launch import composed
-from launch.files import CONF
 
 
 def train_options(*overrides: str) -> TrainOptions:

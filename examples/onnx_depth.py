@@ -1,4 +1,4 @@
-"""Depth of an image by a file of export.py, and no torch: python onnx_depth.py model.onnx in.png out.png."""
+"""Depth of an image by an ONNX file of ours, and no torch: python onnx_depth.py model.onnx in.png out.png."""
 
 import json
 import sys

@@ -118,8 +118,8 @@ def _serve(log: Path) -> None:
 def _run_alone(
     command: Callable[[Any], Any], asked: Mapping[str, Any], faults: ctypes.CDLL, writer: int, log: Path
 ) -> None:
-    from launch.program import BAD_INPUT
-    from launch.refusals import explain
+    from col3d.cli.program import BAD_INPUT
+    from col3d.cli.refusals import explain
 
     out = os.open(log, os.O_WRONLY | os.O_APPEND)
     os.dup2(out, 1)

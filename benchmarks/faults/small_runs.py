@@ -13,8 +13,8 @@ from hydra import initialize_config_dir
 
 from benchmarks.faults.injector import Injector
 from benchmarks.faults.trial import OPTIONS
-from launch import composed
-from launch.files import CONF
+from col3d.cli.files import CONF
+from col3d.cli.program import composed
 
 MINE = "precious"
 """What files of others hold, which lie everywhere."""

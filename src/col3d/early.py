@@ -4,8 +4,8 @@ import multiprocessing
 import os
 import signal
 import sys
+import threading
 from contextlib import suppress
-from pathlib import Path
 from types import FrameType
 from typing import Any
 
@@ -13,13 +13,9 @@ CODES = {signal.SIGINT: 130, signal.SIGTERM: 143}
 LINE = "stopped before anything began; the same command goes on"
 
 
-def listen(programs: Path) -> None:
-    """End this process by a line, from now on until `over`, if it is one of the programs in a folder.
-
-    Workers of one stay as they are, and so does what only imports this.
-    """
-    main = getattr(sys.modules.get("__main__"), "__file__", None)
-    if main is None or Path(main).resolve().parent != programs or multiprocessing.parent_process():
+def listen() -> None:
+    """End this process by a line, from now on until `over`; workers stay as they are."""
+    if multiprocessing.parent_process() or threading.current_thread() is not threading.main_thread():
         return
     for number in CODES:
         if signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler):

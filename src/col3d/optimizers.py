@@ -1,10 +1,7 @@
-"""Optimisers by name: those of `torch.optim`, those of timm, and anybody's own."""
+"""Optimisers by name: those of `torch.optim`, and anybody's own."""
 
-import fnmatch
-from inspect import signature
 from typing import Annotated, Any
 
-import timm.optim
 import torch.optim
 from pydantic import Field
 from torch import nn
@@ -17,7 +14,6 @@ from col3d.schema import NoneWord, Options, plain
 
 UNFIT = (torch.optim.Optimizer, torch.optim.LBFGS, torch.optim.SparseAdam, torch.optim.Muon)
 """A base, and those that need a closure, sparse gradients or matrices alone."""
-OF_OTHER_LIBRARIES = ("fused*", "bnb*")
 OURS: dict[str, dict[str, Any]] = {
     "adam": {"lr": 1e-4},
     "adamw": {"lr": 1e-4},
@@ -85,19 +81,6 @@ def node(part: Part) -> dict[str, Any]:
     return {"name": part.name, **usual, **ours, "decoder_weight_decay": "none"}
 
 
-def _register_all() -> None:
-    for name, kind in vars(torch.optim).items():
-        if isinstance(kind, type) and issubclass(kind, Optimizer) and kind not in UNFIT:
-            register_optimizer(name.lower(), kind, defaults=OURS.get(name.lower(), {}))
-    for found in timm.optim.list_optimizers():
-        info = timm.optim.get_optimizer_info(str(found))
-        foreign = any(fnmatch.fnmatch(info.name, pattern) for pattern in OF_OTHER_LIBRARIES)
-        made: Any = info.opt_class
-        if foreign or info.second_order or info.name in OPTIMIZERS.parts:
-            continue
-        takes = signature(made).parameters
-        usual = {"momentum": 0.9} if {"nesterov", "momentum"} <= takes.keys() else {}
-        register_optimizer(info.name, made, defaults={**usual, **(info.defaults or {})})
-
-
-_register_all()
+for _name, _kind in vars(torch.optim).items():
+    if isinstance(_kind, type) and issubclass(_kind, Optimizer) and _kind not in UNFIT:
+        register_optimizer(_name.lower(), _kind, defaults=OURS.get(_name.lower(), {}))

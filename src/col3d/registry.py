@@ -69,15 +69,19 @@ class Registry:
 
     Args:
         kind: as on the command line, "model".
-        home: the module whose import registers the parts of this package.
+        homes: modules whose import registers the parts of this package; a later one is imported only for a
+            name that the earlier ones do not have, or where all are listed.
         option: where a name of one is given, as messages say it.
+        node: `module:function` from a part to what its choice brings into a configuration; None where parts
+            are no group of options.
         supplied: parameters that the program gives to every part that has them.
         rules: pydantic's `Field` for parameters that every part means alike, by name.
     """
 
     kind: str
-    home: str
+    homes: tuple[str, ...]
     option: str
+    node: str | None = None
     supplied: tuple[str, ...] = ()
     rules: Mapping[str, Any] = field(default_factory=dict)
     parts: dict[str, Part] = field(default_factory=dict)
@@ -115,41 +119,56 @@ class Registry:
         self.parts[name] = part
         return build
 
+    def find(self, name: str) -> Part | None:
+        """The part of a name, or None."""
+        plugins.load()
+        for home in self.homes:
+            if name not in self.parts:
+                importlib.import_module(home)
+        return self.parts.get(name)
+
     def __getitem__(self, name: str) -> Part:
         """The part of a name.
 
         Raises:
             OptionError: nothing has that name; the nearest that is there is named.
         """
-        self.load()
-        if name not in self.parts:
-            raise OptionError(
-                f"{self.option}: {name!r} is unknown{nearest_name(str(name), self.parts)}; known: "
-                f"{', '.join(self.names())}"
-            )
-        return self.parts[name]
+        if part := self.find(name):
+            return part
+        raise OptionError(
+            f"{self.option}: {name!r} is unknown{nearest_name(str(name), self.parts)}; known: "
+            f"{', '.join(self.names())}"
+        )
 
-    def names(self) -> list[str]:
-        """All names: those of this package first."""
-        self.load()
+    def names(self, everything: bool = True) -> list[str]:
+        """All names, those of this package first; or those alone that are known without further imports."""
+        plugins.load()
+        for home in self.homes if everything else self.homes[:1]:
+            importlib.import_module(home)
         return sorted(self.parts, key=lambda name: (self.parts[name].package != "col3d", name))
 
-    def load(self) -> None:
-        """Import the parts of this package and of the plugins that are named."""
-        importlib.import_module(self.home)
-        plugins.load()
+    def defaults(self, part: Part) -> dict[str, Any]:
+        """What the choice of a part brings into a configuration: its options with their defaults."""
+        module, _, function = (self.node or "").partition(":")
+        content: dict[str, Any] = getattr(importlib.import_module(module), function)(part)
+        return content
 
 
 def _place(build: Callable[..., Any]) -> str:
     return f"{build.__module__}.{build.__qualname__}"
 
 
-MODELS = Registry("model", "col3d.models", option="model.name", supplied=("size_hw",))
-LOSSES = Registry("loss", "col3d.losses.terms", "loss.terms", ("prediction", "batch", "max_depth"))
+MODELS = Registry(
+    "model", ("col3d.models",), "model.name", node="col3d.models.options:node", supplied=("size_hw",)
+)
+LOSSES = Registry(
+    "loss", ("col3d.losses.terms",), "loss.terms", supplied=("prediction", "batch", "max_depth")
+)
 OPTIMIZERS = Registry(
     "optimizer",
-    "col3d.optimizers",
+    ("col3d.optimizers", "col3d.timm_optimizers"),
     "optimizer.name",
+    node="col3d.optimizers:node",
     supplied=("params",),
     rules={
         "weight_decay": Field(ge=0),

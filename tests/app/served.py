@@ -1,10 +1,9 @@
-"""The program `app.py`, running for a test."""
+"""The program `col3d demo`, running for a test."""
 
 import json
 import os
 import socket
 import subprocess
-import sys
 import time
 import urllib.request
 from collections.abc import Callable, Iterator
@@ -12,7 +11,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-PROJECT = Path(__file__).parents[2]
+from programs import command
+
 SECONDS = 90
 
 
@@ -31,11 +31,11 @@ def served(checkpoint: Path | str, folder: Path, samples: str = "none") -> Itera
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    command = [sys.executable, str(PROJECT / "app.py"), f"checkpoint={checkpoint}", f"port={port}"]
+    words = [*command("demo"), f"checkpoint={checkpoint}", f"port={port}"]
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "TMPDIR": str(folder)}
     with (folder / "log").open("w") as log:
         server = subprocess.Popen(
-            [*command, f"samples={samples}"],
+            [*words, f"samples={samples}"],
             cwd=folder,
             env=environment,
             stdout=log,

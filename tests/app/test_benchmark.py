@@ -9,7 +9,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from test_launch import PROJECT, call
+from programs import PROJECT, call
 from tiny_run import SMALL, TINY, composed
 
 from col3d.app import benchmark as running
@@ -17,7 +17,7 @@ from col3d.app.benchmark import Job, distinct, make_job, run_benchmark
 from col3d.app.identity import hash_of
 from col3d.callbacks import Stopped
 from col3d.checks import UserError
-from launch import sweep_of
+from col3d.cli.sweeps import sweep_of
 
 Compose = Callable[..., dict[str, Any]]
 
@@ -80,7 +80,7 @@ def test_jobs_are_run_once_and_reported_and_one_that_fails_is_named(
         job("bad", "model=bts", SMALL, "optimizer.lr=1e30"),
     ]
     with pytest.raises(UserError, match=r"failed: .*/runs/bad: error: .*optimizer\.lr"):
-        run_benchmark(jobs, PROJECT / "train.py", output, parallel=2)
+        run_benchmark(jobs, output, parallel=2)
     said = capfd.readouterr().out
     assert "2 runs, 0 of them finished before" in said
     assert "run 2 of 2" in said
@@ -90,7 +90,7 @@ def test_jobs_are_run_once_and_reported_and_one_that_fails_is_named(
     assert "A phantom is not C3VD" in page
     assert (output / "report" / "figures" / "data_sheet.png").is_file()
     before = (output / "runs" / "bts" / "log.txt").stat().st_mtime_ns
-    run_benchmark(jobs[:1], PROJECT / "train.py", output, parallel=2)
+    run_benchmark(jobs[:1], output, parallel=2)
     assert "1 runs, 1 of them finished before" in capfd.readouterr().out
     assert (output / "runs" / "bts" / "log.txt").stat().st_mtime_ns == before
 
@@ -127,10 +127,10 @@ def test_finished_runs_are_overwritten_once(
     ):
         trained.clear()
         if stop_at < 0:
-            run_benchmark(jobs, PROJECT / "train.py", output, parallel=1)
+            run_benchmark(jobs, output, parallel=1)
         else:
             with pytest.raises(SystemExit):
-                run_benchmark(jobs, PROJECT / "train.py", output, parallel=1)
+                run_benchmark(jobs, output, parallel=1)
         assert trained == expected
     assert not (output / "runs" / ".overwrite.json").exists()
 
@@ -142,7 +142,7 @@ def test_bad_input_is_one_line(tmp_path: Path) -> None:
         (["model.widht=3"], "model.widht"),
         (["optimizer.lr=-1"], "optimizer.lr: expected greater than 0"),
     ):
-        answer = call("benchmark.py", *arguments, cwd=tmp_path)
+        answer = call("benchmark", *arguments, cwd=tmp_path)
         assert answer.returncode == 2
         assert message in answer.stderr
         assert "Traceback" not in answer.stderr

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 import torch
-from test_launch import call
+from programs import call
 from tiny_run import composed
 
 from col3d.app.config import TrainOptions
@@ -19,9 +19,9 @@ from col3d.app.frames import data_module, full_frames, sized_frames
 from col3d.app.prepare import prepare
 from col3d.app.train import train
 from col3d.checks import DataError, UserError
+from col3d.cli.choices import as_groups
 from col3d.data.sized import Joined
 from col3d.refusals import check_options
-from launch.choices import as_groups
 
 Compose = Callable[..., dict[str, Any]]
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 import torch
-from test_launch import PROJECT, call
+from programs import PROJECT, call
 from tiny_run import SMALL, TINY
 
 from col3d.app.train import train

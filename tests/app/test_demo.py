@@ -241,4 +241,4 @@ def test_the_newest_finished_run_is_shown(tmp_path: Path, monkeypatch: pytest.Mo
 )
 def test_bad_options_are_refused(override: str, message: str) -> None:
     with pytest.raises(UserError, match=message):
-        serve(composed("app", override))
+        serve(composed("demo", override))

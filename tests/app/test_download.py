@@ -1,4 +1,4 @@
-"""download.py from a server to folders that are checked, and everything that may come between."""
+"""col3d download from a server to folders that are checked, and everything that may come between."""
 
 import errno
 import fcntl
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from dataverse import Dataverse, served, zipped
-from test_launch import call
+from programs import call
 from test_stopping import stopped
 from tiny_run import composed
 
@@ -69,27 +69,27 @@ def names(root: Path) -> list[str]:
 
 def test_a_video_is_there_afterwards(server: Dataverse, tmp_path: Path) -> None:
     root = tmp_path / "C3VD"
-    answer = call("download.py", *options(server, root, ACCEPT), cwd=tmp_path)
+    answer = call("download", *options(server, root, ACCEPT), cwd=tmp_path)
     assert answer.returncode == 0, answer.stderr
     lines = answer.stdout.splitlines()
     assert lines[0].split() == [VIDEO, f"{NAME}.zip", "61", "frames", "0.00", "GB"]
     assert lines[2].startswith("licence: CC BY-NC-SA 4.0 (attribution, no commercial use, share alike)")
     assert "GB to fetch" in lines[3]
     assert lines[-2] == f"{VIDEO}: 61 frames, 61 poses"
-    assert lines[-1].startswith("1 of 1 videos are whole; python verify.py data=c3vd data.root=")
+    assert lines[-1].startswith("1 of 1 videos are whole; col3d verify data=c3vd data.root=")
     assert names(root) == [".col3d_download", NAME]
     frames = C3VD(root, [VIDEO])
     assert len(frames) == FRAMES
     assert frames[0]["depth"][0, 500, 600].item() == pytest.approx(50.0, abs=1e-3)
 
     server.fetched.clear()
-    again = call("download.py", *options(server, root, ACCEPT), cwd=tmp_path)
+    again = call("download", *options(server, root, ACCEPT), cwd=tmp_path)
     assert (again.returncode, server.fetched) == (0, [])
     assert again.stdout.splitlines()[0] == f"{VIDEO}: 61 frames, 61 poses"
 
 
 def test_without_a_licence_nothing_is_fetched(server: Dataverse, tmp_path: Path) -> None:
-    answer = call("download.py", *options(server, tmp_path / "C3VD"), cwd=tmp_path)
+    answer = call("download", *options(server, tmp_path / "C3VD"), cwd=tmp_path)
     assert answer.returncode == 2
     assert answer.stderr == (
         "error: accept_licence: they are under CC BY-NC-SA 4.0; to keep to it and fetch, give "
@@ -179,7 +179,7 @@ def test_a_signal_leaves_what_goes_on(
     server.slow = 0.3
     partial = tmp_path / f"{NAME}.zip.partial"
     code, said, complained = stopped(
-        "download.py",
+        "download",
         *options(server, tmp_path, ACCEPT),
         cwd=tmp_path,
         signum=signum,
@@ -222,7 +222,7 @@ def test_one_that_fails_keeps_no_other_from_coming(
 def test_archives_that_are_none(server: Dataverse, tmp_path: Path, content: bytes, message: str) -> None:
     server.files[f"{NAME}.zip"] = content
     root = tmp_path / "a" / "b"
-    answer = call("download.py", *options(server, root, ACCEPT), cwd=tmp_path)
+    answer = call("download", *options(server, root, ACCEPT), cwd=tmp_path)
     assert answer.returncode == 2
     assert len(answer.stderr.splitlines()) == 1
     assert answer.stderr.startswith(f"error: {root / NAME}.zip: ")

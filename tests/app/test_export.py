@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 import torch
-from test_launch import call
+from programs import call
 from tiny_run import composed
 
 from col3d.app.export import export
@@ -33,7 +33,7 @@ WITHOUT = (
 
 def exported(checkpoint: Path, path: Path) -> None:
     """Export by the command, which says what it checked."""
-    answer = call("export.py", f"checkpoint={checkpoint}", f"output={path.name}", cwd=path.parent)
+    answer = call("export", f"checkpoint={checkpoint}", f"output={path.name}", cwd=path.parent)
     assert (answer.returncode, answer.stderr) == (0, "")
     said = answer.stdout.splitlines()
     assert len(said) == 5
@@ -119,7 +119,7 @@ def test_an_onnx_file_of_one_size_in_half_precision(tiny_checkpoint: Path, tmp_p
     import onnxruntime
 
     options = ("opset=18", "size=[96,128]", "batch=2", "half=true")
-    answer = call("export.py", f"checkpoint={tiny_checkpoint}", "output=m.onnx", *options, cwd=tmp_path)
+    answer = call("export", f"checkpoint={tiny_checkpoint}", "output=m.onnx", *options, cwd=tmp_path)
     assert (answer.returncode, answer.stderr) == (0, "")
     said = answer.stdout.splitlines()
     assert said[2] == "batches of 2, images of 96 x 128; checked at 2 x 96 x 128"
@@ -299,9 +299,9 @@ def test_without_the_extra_it_says_what_to_install(tmp_path: Path, monkeypatch: 
 
 
 def test_the_command_ends_in_one_line(tmp_path: Path) -> None:
-    answer = call("export.py", "checkpoint=none.ckpt", "output=/proc/nowhere/m.pt2", cwd=tmp_path)
+    answer = call("export", "checkpoint=none.ckpt", "output=/proc/nowhere/m.pt2", cwd=tmp_path)
     assert answer.returncode == 2
     assert answer.stderr == "error: checkpoint: no such file: none.ckpt\n"
-    answer = call("export.py", "--help", cwd=tmp_path)
+    answer = call("export", "--help", cwd=tmp_path)
     assert answer.returncode == 0
-    assert "python export.py checkpoint=" in answer.stdout
+    assert "col3d export checkpoint=" in answer.stdout

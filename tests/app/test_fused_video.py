@@ -11,8 +11,8 @@ from col3d.app import config
 from col3d.app.config import FuseOptions
 from col3d.app.fused_video import video_of
 from col3d.checks import DataError, UserError
+from col3d.cli.paths import as_typed
 from col3d.refusals import check_options
-from launch.paths import as_typed
 
 NAMES = (
     *(

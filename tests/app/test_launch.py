@@ -1,21 +1,14 @@
-"""The entry points as a user calls them: exit codes and what is printed."""
+"""The command as a user calls it: exit codes and what is printed."""
 
-import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from programs import call
 
-from launch import slug
-
-PROJECT = Path(__file__).parents[2]
-
-
-def call(script: str, *arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
-    command = [sys.executable, str(PROJECT / script), *arguments]
-    return subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, check=False)
+from col3d.cli.programs import RUNS
+from col3d.cli.resolvers import slug
 
 
 @pytest.mark.parametrize(
@@ -49,41 +42,27 @@ def test_bad_input_ends_in_one_line_and_exit_code_2(
 
 
 def test_a_missing_checkpoint_is_refused(tmp_path: Path) -> None:
-    answer = call("evaluate.py", "checkpoint=none.ckpt", cwd=tmp_path)
+    answer = call("evaluate", "checkpoint=none.ckpt", cwd=tmp_path)
     assert (answer.returncode, answer.stderr.strip()) == (2, "error: checkpoint: no such file: none.ckpt")
 
 
 def test_what_a_resolver_refuses_is_one_line(tmp_path: Path) -> None:
-    answer = call("prepare.py", "prepare.preset=papr", cwd=tmp_path)
+    answer = call("prepare", "prepare.preset=papr", cwd=tmp_path)
     expected = "error: prepare.preset: expected one of laptop, paper, smoke, got 'papr'\n"
     assert (answer.returncode, answer.stderr) == (2, expected)
 
 
-@pytest.mark.parametrize(
-    "script",
-    [
-        "train.py",
-        "evaluate.py",
-        "predict.py",
-        "fuse.py",
-        "export.py",
-        "app.py",
-        "prepare.py",
-        "verify.py",
-        "download.py",
-        "benchmark.py",
-    ],
-)
-def test_help_answers_without_heavy_imports(script: str, tmp_path: Path) -> None:
-    answer = call(script, "--help", cwd=tmp_path)
+@pytest.mark.parametrize("program", sorted(RUNS))
+def test_help_answers_without_heavy_imports(program: str, tmp_path: Path) -> None:
+    answer = call(program, "--help", cwd=tmp_path)
     assert answer.returncode == 0
-    assert f"python {script}" in answer.stdout
-    if script in ("train.py", "benchmark.py"):
-        return  # what networks and optimisers can be told is known from their classes
-    code = f"import sys, runpy; sys.argv = ['{script}', '--help']\n"
-    code += f"try: runpy.run_path({str(PROJECT / script)!r}, run_name='__main__')\nexcept SystemExit: pass\n"
-    code += "assert not {'torch', 'lightning', 'cv2'} & set(sys.modules)"
-    subprocess.run([sys.executable, "-c", code], cwd=PROJECT, check=True, capture_output=True)
+    assert f"col3d {program}" in answer.stdout or f"python {program}.py" in answer.stdout
+    heavy = {"lightning", "cv2", "timm", "torchvision"}
+    if program not in ("train", "benchmark"):  # what networks can be told is known from their classes
+        heavy.add("torch")
+    code = f"import sys; from col3d.cli import main\ntry: main([{program!r}, '--help'])\n"
+    code += f"except SystemExit: pass\nassert not {heavy} & set(sys.modules)"
+    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True, capture_output=True)
 
 
 def test_folders_are_named_for_the_overrides() -> None:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import torch
 from PIL import Image
-from test_launch import call
+from programs import call
 from tiny_run import composed
 from torch.utils.data import DataLoader, Dataset
 
@@ -117,7 +117,7 @@ def test_images_whose_names_are_no_utf_8(tmp_path: Path) -> None:
     with open(folder + b"/no\xffimage.png", "wb") as file:  # noqa: PTH123 - bytes
         file.write(b"none")
     place = (f"input={tmp_path / 'in'}", f"output={tmp_path / 'out'}", "checkpoint=shipped")
-    answer = call("predict.py", *place, "accelerator=cpu", "previews=false", cwd=tmp_path)
+    answer = call("predict", *place, "accelerator=cpu", "previews=false", cwd=tmp_path)
     assert (answer.returncode, answer.stderr) == (0, "")
     assert "predicted 3 frames" in answer.stdout
     assert "no\\udcffimage.png: not a readable image" in answer.stdout

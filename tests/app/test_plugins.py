@@ -1,13 +1,10 @@
 """A network, a loss and an optimiser of somebody's own package, without a line changed here."""
 
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
-from test_launch import PROJECT
+from programs import call
 from tiny_run import TINY
 
 PACKAGE = '''
@@ -60,37 +57,31 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def call(folder: Path, program: str, *given: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, str(PROJECT / program), *given]
-    environment = {**os.environ, "OMP_NUM_THREADS": "1", **environment}
-    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
-
-
 def test_parts_of_a_package_train_beside_ours_and_are_known_everywhere(
     folder: Path, phantom_root: Path
 ) -> None:
     data = f"data.root={phantom_root}"
     place = f"hydra.sweep.dir={folder / 'all'}"
     both = ("plugins=[mylab]", "model=net,bts", "loss=silog", "optimizer=half")
-    sweep = call(folder, "train.py", "-m", *TINY, *both, data, place)
+    sweep = call("train.py", "-m", *TINY, *both, data, place, cwd=folder)
     assert sweep.returncode == 0, sweep.stderr
     run = folder / "run"
     one = (*TINY, data, *OWN, *REST, f"hydra.run.dir={run}")
-    trained = call(folder, "train.py", *one)
+    trained = call("train.py", *one, cwd=folder)
     assert trained.returncode == 0, trained.stderr
     assert "minimises 1 silog + 0.5 far(power=2.0)" in trained.stdout
     assert "train/loss_far" in (run / "metrics.csv").read_text().splitlines()[0]
     assert json.loads((run / "starts.json").read_text())["starts"][-1]["packages"]["mylab"] == "unknown"
-    again = call(folder, "train.py", *one)
+    again = call("train.py", *one, cwd=folder)
     assert "finished before" in again.stdout, again.stderr
 
     best = f"checkpoint={run / 'checkpoints' / 'best.ckpt'}"
-    without = call(folder, "evaluate.py", best)
+    without = call("evaluate", best, cwd=folder)
     assert (without.returncode, without.stdout) == (2, "")
     assert "was trained with parts of mylab; add plugins=[mylab]" in without.stderr
-    scored = call(folder, "evaluate.py", best, f"output_dir={folder / 'scored'}", COL3D_PLUGINS="mylab")
+    scored = call("evaluate", best, f"output_dir={folder / 'scored'}", cwd=folder, COL3D_PLUGINS="mylab")
     assert scored.returncode == 0, scored.stderr
-    exported = call(folder, "export.py", best, "plugins=[mylab]", "output=net.onnx")
+    exported = call("export", best, "plugins=[mylab]", "output=net.onnx", cwd=folder)
     assert exported.returncode == 0, exported.stderr
     assert "image -> depth" in exported.stdout
 
@@ -127,7 +118,7 @@ def test_parts_of_a_package_train_beside_ours_and_are_known_everywhere(
     ],
 )
 def test_each_mistake_is_one_line(folder: Path, given: list[str], expected: str) -> None:
-    answer = call(folder, "train.py", *TINY, *given)
+    answer = call("train.py", *TINY, *given, cwd=folder)
     assert answer.returncode == 2, answer.stderr
     assert answer.stderr.startswith(f"error: {expected}")
     assert len(answer.stderr.splitlines()) == 1
@@ -135,7 +126,7 @@ def test_each_mistake_is_one_line(folder: Path, given: list[str], expected: str)
 
 def test_an_error_of_the_package_keeps_its_traceback(folder: Path) -> None:
     (folder / "mylab" / "__init__.py").write_text("import col3d\nraise ValueError('mine')\n")
-    answer = call(folder, "train.py", "plugins=[mylab]")
+    answer = call("train.py", "plugins=[mylab]", cwd=folder)
     assert answer.returncode == 1
     assert "mylab/__init__.py" in answer.stderr
     assert answer.stderr.splitlines()[-1] == "ValueError: mine"

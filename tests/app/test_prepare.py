@@ -7,7 +7,6 @@ import os
 import shutil
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -15,7 +14,7 @@ from typing import Any
 
 import pytest
 import torch
-from test_launch import PROJECT, call
+from programs import call, command
 from tiny_run import composed
 
 from col3d.app import prepare as preparing
@@ -47,7 +46,7 @@ def digests(store: Path) -> dict[str, str]:
 def rendered(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A phantom of all videos, and its store beside it, both made by the program."""
     root = tmp_path_factory.mktemp("prepared") / "frames"
-    answer = call("prepare.py", *PHANTOM, f"data.root={root}", "data.size=[64,80]", cwd=root.parent)
+    answer = call("prepare", *PHANTOM, f"data.root={root}", "data.size=[64,80]", cwd=root.parent)
     assert answer.returncode == 0, answer.stderr
     assert "22 videos of 66 frames at 64 x 80" in answer.stdout
     assert "train.py reads it with data.size=[64,80]\n" in answer.stdout
@@ -159,9 +158,9 @@ def test_killed_at_any_moment_it_ends_the_same(rendered: Path, tmp_path: Path) -
     """Three kills, each a little later than the first folder of a video is begun; then to the end."""
     whole, store = beside(rendered, (64, 80)), tmp_path / "store"
     arguments = (*PHANTOM, f"data.root={rendered}", "data.size=[64,80]", f"prepare.out={store}")
-    command = [sys.executable, str(PROJECT / "prepare.py"), *arguments, "workers=2"]
+    words = [*command("prepare"), *arguments, "workers=2"]
     for kill in range(3):
-        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, start_new_session=True)
+        process = subprocess.Popen(words, stdout=subprocess.DEVNULL, start_new_session=True)
         begun = len(list(store.glob("*"))) if store.exists() else 0
         deadline = time.monotonic() + 60
         while time.monotonic() < deadline and process.poll() is None:
@@ -172,7 +171,7 @@ def test_killed_at_any_moment_it_ends_the_same(rendered: Path, tmp_path: Path) -
         process.wait()
         for index in store.glob("[!.]*/index.json"):  # what looks finished is finished
             assert digests(index.parent) == digests(whole / index.parent.name)
-    answer = call("prepare.py", *arguments, cwd=tmp_path)
+    answer = call("prepare", *arguments, cwd=tmp_path)
     assert answer.returncode == 0, answer.stderr
     assert digests(store) == digests(whole)
     (rendered / KNOWN).unlink()
@@ -181,8 +180,8 @@ def test_killed_at_any_moment_it_ends_the_same(rendered: Path, tmp_path: Path) -
 def test_workers_end_with_a_parent_that_was_killed(rendered: Path, tmp_path: Path) -> None:
     store = tmp_path / "store"
     arguments = (*PHANTOM, f"data.root={rendered}", "data.size=[64,80]", f"prepare.out={store}", "workers=2")
-    command = [sys.executable, str(PROJECT / "prepare.py"), *arguments]
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, start_new_session=True)
+    words = [*command("prepare"), *arguments]
+    process = subprocess.Popen(words, stdout=subprocess.DEVNULL, start_new_session=True)
     deadline = time.monotonic() + 100
     while not list(store.glob("[!.]*")) and process.poll() is None and time.monotonic() < deadline:
         time.sleep(0.01)

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from pages import PAGES, PROJECT, blocks, file_of
-from test_launch import call
+from programs import call
 from tiny_run import SMALL, TINY, composed
 
 from col3d.app.config import (
@@ -22,8 +22,10 @@ from col3d.app.config import (
     TrainOptions,
     VerifyOptions,
 )
+from col3d.cli.choices import as_groups
+from col3d.cli.main import PROGRAMS
+from col3d.cli.programs import RUNS
 from col3d.refusals import check_options
-from launch.choices import as_groups
 
 LINES = list(
     dict.fromkeys(line for page in PAGES for block in blocks(page, "bash") for line in block.splitlines())
@@ -31,24 +33,27 @@ LINES = list(
 """Every line of bash, once."""
 OWN_PARTS = "plugins=[mylab]"
 """Of a package that `tests/docs/test_extending.py` makes from its page."""
-CALL = re.compile(r"^(?:[A-Z0-9_]+=\S+ )?(?:\.venv/bin/)?python ")
-COMMANDS = [["python", *shlex.split(CALL.sub("", line))] for line in LINES if CALL.match(line)]
+CALL = re.compile(r"^(?:[A-Z0-9_]+=\S+ )?(?:\.venv/bin/)?(?:python|col3d) ")
+COMMANDS = [["", *shlex.split(CALL.sub("", line))] for line in LINES if CALL.match(line)]
 MODULES = [command for command in COMMANDS if command[1] == "-m"]
-COMMANDS = [command for command in COMMANDS if command[1] != "-m" and OWN_PARTS not in command]
+WORDS = [command for command in COMMANDS if command[1] in PROGRAMS.keys() - RUNS.keys()]
+"""Programs that take no options."""
+COMMANDS = [c for c in COMMANDS if c not in (*MODULES, *WORDS) and OWN_PARTS not in c]
 PYTHON = {page: [block for block in blocks(page, "python") if not file_of(block)] for page in PAGES}
 """Blocks to run; those that are files are done by `tests/docs/test_extending.py`."""
 OPTIONS = {
     "train.py": TrainOptions,
-    "evaluate.py": EvaluateOptions,
-    "predict.py": PredictOptions,
-    "fuse.py": FuseOptions,
-    "export.py": ExportOptions,
-    "prepare.py": PrepareOptions,
-    "verify.py": VerifyOptions,
-    "download.py": DownloadOptions,
+    "train": TrainOptions,
+    "evaluate": EvaluateOptions,
+    "predict": PredictOptions,
+    "fuse": FuseOptions,
+    "export": ExportOptions,
+    "prepare": PrepareOptions,
+    "verify": VerifyOptions,
+    "download": DownloadOptions,
 }
 ELSEWHERE = ("data=", "hydra/launcher=", "init.checkpoint=")  # they have tests of their own
-SHORT = [c for c in COMMANDS if c[1] == "train.py" and not any(a.startswith(ELSEWHERE) for a in c)]
+SHORT = [c for c in COMMANDS if c[1].startswith("train") and not any(a.startswith(ELSEWHERE) for a in c)]
 SHORT = [
     c for c in SHORT if not any(a.startswith("hydra.sweep.dir=") for a in c)
 ]  # another place, the same runs
@@ -67,7 +72,7 @@ def test_every_command_is_one_of_ours() -> None:
     assert all(importlib.util.find_spec(command[2]) for command in MODULES)
     named = [argument for command in MODULES for argument in command if argument.endswith(".py")]
     assert all((PROJECT / name).is_file() for name in named)
-    assert {command[1] for command in COMMANDS} == set(OPTIONS)
+    assert {command[1] for command in COMMANDS} <= set(OPTIONS)
     assert len(COMMANDS) >= 25
 
 
@@ -79,7 +84,7 @@ def test_every_command_composes(command: list[str]) -> None:
         arguments = swept
     arguments = [text for argument in arguments for text in as_groups(argument)]
     given = composed(
-        script.removesuffix(".py"), *arguments, *(["output_dir=x"] if script == "train.py" else [])
+        script.removesuffix(".py"), *arguments, *(["output_dir=x"] if script.startswith("train") else [])
     )
     check_options(OPTIONS[script], given)
 

@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from omegaconf import OmegaConf
-from test_launch import call
+from programs import call
 from tiny_run import SMALL, TINY, composed
 
 from col3d.app.config import TrainOptions
+from col3d.cli.searches import simplex, take_up, trials_left
 from col3d.refusals import check_options
-from launch.searches import simplex, take_up, trials_left
 
 pytestmark = pytest.mark.filterwarnings(
     "ignore::DeprecationWarning", "ignore::FutureWarning", "ignore:.*experimental"

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from test_launch import call
+from programs import call
 from tiny_run import composed, real_frames
 
 from benchmarks.transfer import SIZE, Guessed, guessed, network, scores
@@ -67,7 +67,7 @@ def test_predict_needs_no_checkpoint(phantom_root: Path, tmp_path: Path) -> None
     settings = PhantomSettings((135, 169), 2, videos=("cecum_t1_a",))
     render_phantom(tmp_path / "phantom", settings, workers=1, progress=False)
     image = tmp_path / "phantom" / "cecum_t1_a" / "0001_color.png"
-    answer = call("predict.py", f"input={image}", "output=found", "camera=c3vd", cwd=tmp_path)
+    answer = call("predict", f"input={image}", "output=found", "camera=c3vd", cwd=tmp_path)
     assert (answer.returncode, answer.stderr) == (0, "")
     assert list((tmp_path / "found").rglob("*depth*"))
 
@@ -104,7 +104,7 @@ def test_what_is_shipped_is_not_of_others() -> None:
 def test_it_is_evaluated_like_any_other(tmp_path: Path) -> None:
     split = "data.split.test=[cecum_t1_a,trans_t1_a_s5]"
     options = ("checkpoint=shipped", "data=phantom", "phantom=smoke", "data/split=custom", split, "panels=0")
-    answer = call("evaluate.py", *options, f"data.root={tmp_path / 'phantom'}", "workers=0", cwd=tmp_path)
+    answer = call("evaluate", *options, f"data.root={tmp_path / 'phantom'}", "workers=0", cwd=tmp_path)
     assert answer.returncode == 0, answer.stderr
     folder = tmp_path / "runs" / "shipped" / "evaluation_shipped_phantom_custom_test"
     assert (folder / "summary.json").is_file()

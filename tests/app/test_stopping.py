@@ -4,9 +4,9 @@ import csv
 import json
 import os
 import resource
+import shlex
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,15 +15,16 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from programs import command
 from tiny_run import composed, earlier_export
 
 from col3d.app import fuse as fusing
 from col3d.app.predict import predict
 from col3d.checks import UserError
+from col3d.cli.programs import RUNS
 from col3d.data.phantom import PhantomSettings, render_phantom
 from col3d.reports.video import VideoWriter
 
-PROJECT = Path(__file__).parents[2]
 SECONDS = 120
 CODES = {signal.SIGTERM: 143, signal.SIGINT: 130, signal.SIGHUP: 143}
 FRAMES = 2000
@@ -37,7 +38,7 @@ def stopped(
     Where `ready` is a signal: as soon as it has a handler for that one.
     """
     process = subprocess.Popen(
-        [sys.executable, str(PROJECT / program), *overrides],
+        [*command(program), *overrides],
         cwd=cwd,
         env={**os.environ, "OMP_NUM_THREADS": "1"},
         stdout=subprocess.PIPE,
@@ -82,7 +83,7 @@ def test_a_prediction_that_is_stopped_is_whole_as_far_as_it_goes(
     out = tmp_path / "out"
     table = out / "predictions.csv"
     code, said, complained = stopped(
-        "predict.py",
+        "predict",
         *(f"input={clip}", f"output={out}", "checkpoint=shipped", "accelerator=cpu", "batch_size=1"),
         cwd=tmp_path,
         signum=signum,
@@ -104,7 +105,7 @@ def test_a_prediction_that_is_stopped_is_whole_as_far_as_it_goes(
 @pytest.mark.parametrize("signum", CODES)
 def test_an_export_that_is_stopped_leaves_nothing(signum: int, tmp_path: Path) -> None:
     code, said, complained = stopped(
-        "export.py",
+        "export",
         *("checkpoint=shipped", "output=model.onnx"),
         cwd=tmp_path,
         signum=signum,
@@ -123,7 +124,7 @@ def test_a_preparation_that_is_stopped_goes_on(signum: int, workers: int, tmp_pa
     root = tmp_path / "frames"
     given = ("data=phantom", "phantom.size=[64,80]", "phantom.frames_per_video=40", f"data.root={root}")
     code, said, complained = stopped(
-        "prepare.py",
+        "prepare",
         *(*given, "data.size=[64,80]", f"workers={workers}"),
         cwd=tmp_path,
         signum=signum,
@@ -143,7 +144,7 @@ def test_an_evaluation_that_is_stopped_goes_on(signum: int, tmp_path: Path) -> N
         f"output_dir={tmp_path / 'scored'}",
     )
     code, said, complained = stopped(
-        "evaluate.py",
+        "evaluate",
         *given,
         cwd=tmp_path,
         signum=signum,
@@ -162,7 +163,7 @@ def test_a_verification_that_is_stopped_leaves_what_was_there(
 ) -> None:
     root, out = render(phantom_root).parent, tmp_path / "out"
     code, said, complained = stopped(
-        "verify.py",
+        "verify",
         *("data=phantom", "phantom.size=[64,80]", "phantom.frames_per_video=3", f"data.root={root}"),
         *(f"output={out}", f"workers={workers}", "data.allow_missing=true"),
         cwd=tmp_path,
@@ -174,10 +175,7 @@ def test_a_verification_that_is_stopped_leaves_what_was_there(
     assert not out.exists()
 
 
-PROGRAMS = sorted(path.name for path in PROJECT.glob("*.py"))
-
-
-@pytest.mark.parametrize("program", PROGRAMS)
+@pytest.mark.parametrize("program", ["train.py", *RUNS])
 @pytest.mark.parametrize("signum", [signal.SIGINT, signal.SIGTERM])
 def test_a_program_that_still_imports_ends_in_a_line(program: str, signum: int, tmp_path: Path) -> None:
     code, said, complained = stopped(program, cwd=tmp_path, signum=signum, ready=signal.SIGTERM)
@@ -268,7 +266,7 @@ def test_a_full_disk_is_said_of_the_file_of_a_prediction(most: int, kind: str, t
 @pytest.mark.parametrize("name", ["model.ckpt", "model.pt2", "model.onnx"])
 def test_a_full_disk_is_said_of_the_file_of_an_export(name: str, tmp_path: Path) -> None:
     before = earlier_export(tmp_path / name)
-    limited = f"ulimit -f 100; exec {sys.executable} {PROJECT / 'export.py'} checkpoint=shipped"
+    limited = f"ulimit -f 100; exec {shlex.join(command('export'))} checkpoint=shipped"
     answer = subprocess.run(
         ["bash", "-c", f"{limited} overwrite=true output={name}"],
         cwd=tmp_path,

@@ -3,13 +3,12 @@
 import json
 import os
 import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
-from test_launch import PROJECT, call
+from programs import call, command
 from tiny_run import SMALL, TINY
 
 from col3d.app.train import train
@@ -59,10 +58,10 @@ def test_two_processes_share_a_sweep_and_a_third_has_nothing_to_do(
     root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     sweep = tmp_path / "sweep"
-    command = [sys.executable, str(PROJECT / "train.py"), *arguments(root, sweep, "seed=0,1,2")]
+    words = [*command("train.py"), *arguments(root, sweep, "seed=0,1,2")]
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     both = [
-        subprocess.Popen(command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE, text=True)
+        subprocess.Popen(words, cwd=tmp_path, env=environment, stdout=subprocess.PIPE, text=True)
         for _ in range(2)
     ]
     said = [process.communicate()[0] for process in both]

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import torch
 import yaml
-from test_launch import call
+from programs import call
 from tiny_run import SMALL, TINY, composed, real_frames
 
 from col3d.app.evaluate import evaluate

@@ -12,13 +12,13 @@ from omegaconf import OmegaConf
 from pydantic import BaseModel
 
 from col3d.app import config
+from col3d.cli.files import CONF
+from col3d.cli.paths import MAY_BE_NULL, NAMES, PATHS, as_typed, quoted, quoted_again
+from col3d.cli.program import composed
+from col3d.cli.refusals import explain
+from col3d.cli.sweeps import jobs_of
 from col3d.models.options import ModelOptions
 from col3d.registry import MODELS, available
-from launch import composed
-from launch.files import CONF
-from launch.paths import MAY_BE_NULL, NAMES, PATHS, as_typed, quoted, quoted_again
-from launch.refusals import explain
-from launch.sweeps import jobs_of
 
 NASTY = " ()[]{}=,#&~:;'\"\\$%@!?*+-^`|<>äß鏡0e1._"
 TYPED = (
@@ -214,7 +214,7 @@ NO_PATH |= {f"model.{name}" for name in ("name", "encoder", "heads", "pyramid_no
     [
         *(config.EvaluateOptions, config.PredictOptions, config.FuseOptions, config.ExportOptions),
         *(
-            config.AppOptions,
+            config.DemoOptions,
             config.PrepareOptions,
             config.VerifyOptions,
             config.BenchmarkFile,

@@ -1,4 +1,4 @@
-"""verify.py as a user calls it: exit codes, what is on screen, and the files it writes."""
+"""col3d verify as a user calls it: exit codes, what is on screen, and the files it writes."""
 
 import json
 import shutil
@@ -8,7 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from test_launch import call
+from programs import call
 from tiny_run import composed, real_frames
 
 from col3d.app.stores import remember
@@ -280,16 +280,16 @@ def test_damaged_stores_are_faults(root: Path) -> None:
 
 def test_the_command_line(root: Path) -> None:
     place = (*PHANTOM, *SPLIT, f"data.root={root}")
-    answer = call("verify.py", *place, "--fast", "workers=1", cwd=root.parent)
+    answer = call("verify", *place, "--fast", "workers=1", cwd=root.parent)
     assert answer.returncode == 0, answer.stderr
     written = root.parent / "runs" / "verify_phantom" / "verify.json"
     assert json.loads(written.read_text())["fast"] is True
     (root / "cecum_t1_a" / "0003_depth.tiff").write_bytes(b"II*\0 nonsense")
-    answer = call("verify.py", *place, "workers=2", "output=out", cwd=root.parent)
+    answer = call("verify", *place, "workers=2", "output=out", cwd=root.parent)
     assert answer.returncode == 1
     assert "Traceback" not in answer.stderr + answer.stdout
     assert "0003_depth.tiff: not a readable image" in answer.stdout
-    answer = call("verify.py", *place, "data.rot=x", cwd=root.parent)
+    answer = call("verify", *place, "data.rot=x", cwd=root.parent)
     assert (answer.returncode, len(answer.stderr.splitlines())) == (2, 1)
 
 

@@ -11,10 +11,10 @@ import torch
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from launch.parts import store_parts
-from launch.program import PLUGINS, SCRATCH  # and the resolvers of the configuration
+from col3d.cli.files import CONF
+from col3d.cli.parts import offer_parts
+from col3d.cli.program import PLUGINS, SCRATCH  # and the resolvers of the configuration
 
-CONF = Path(__file__).parents[2] / "conf"
 TINY = (
     "preset=smoke",
     "data/split=custom",
@@ -35,7 +35,7 @@ SMALL = "model.encoder=lcnet_035"
 
 def composed(config_name: str, *overrides: str) -> dict[str, Any]:
     """The configuration as the entry points hand it on."""
-    store_parts()
+    offer_parts()
     with initialize_config_dir(str(CONF), version_base="1.3"):
         config = compose(config_name, list(overrides))
     content = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
@@ -52,7 +52,7 @@ def real_frames(folder: str) -> Path:
 
 
 def earlier_export(path: Path) -> bytes:
-    """Write what `export.py` takes for an export of its own; what is in it."""
+    """Write what `col3d export` takes for an export of its own; what is in it."""
     if path.suffix == ".onnx":
         path.write_bytes(onnx.ModelProto(producer_name="col3d", ir_version=8).SerializeToString())
     elif path.suffix == ".pt2":

@@ -44,7 +44,7 @@ def changed(text: str, diff: str) -> str:
 @pytest.fixture
 def extended(tmp_path: Path) -> Path:
     project = tmp_path / "project"
-    for folder in ("src", "conf", "launch"):
+    for folder in ("src",):
         shutil.copytree(PROJECT / folder, project / folder, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(PROJECT / "train.py", project)
     for language in ("python", "yaml", "diff"):

@@ -24,6 +24,8 @@ from col3d.owned import Owned
 from col3d.refusals import check_options
 from col3d.reports.jobs import add_to_plan, is_locked, read_job
 
+COL3D = (sys.executable, "-m", "col3d")
+
 
 @dataclass(frozen=True)
 class Job:
@@ -57,12 +59,11 @@ def distinct(jobs: Sequence[Job]) -> list[Job]:
     return list(kept.values())
 
 
-def run_benchmark(jobs: Sequence[Job], train: Path, output: Path, parallel: int | None = None) -> None:
+def run_benchmark(jobs: Sequence[Job], output: Path, parallel: int | None = None) -> None:
     """Run what is not finished, keep the truth for figures, and write the report.
 
     Args:
         jobs: the trainings.
-        train: the program that takes their overrides.
         output: folder of the runs and of the report.
         parallel: how many run at a time, sharing the cores; when absent two, or one where there is a GPU.
 
@@ -79,7 +80,7 @@ def run_benchmark(jobs: Sequence[Job], train: Path, output: Path, parallel: int 
         first = jobs[0].options
         data_module(first.data, first.phantom, first.seed)
     with stoppable("finished runs stay, and the same command goes on"):
-        _run_all(waiting, train, parallel or (1 if torch.cuda.is_available() else 2))
+        _run_all(waiting, parallel or (1 if torch.cuda.is_available() else 2))
     states = [(job, read_job(job.folder).state) for job in jobs]
     failed = [job for job, state in states if state not in ("done", "running")]
     if len(failed) == len(jobs):
@@ -89,7 +90,7 @@ def run_benchmark(jobs: Sequence[Job], train: Path, output: Path, parallel: int 
             f"another process still trains {', '.join(elsewhere)}; the same command reports when it is done"
         )
     keep_truth(output / "truth", jobs[0].options)
-    write = [sys.executable, "-m", "col3d.reports", str(output), str(output / "report")]
+    write = [*COL3D, "report", str(output), str(output / "report")]
     if subprocess.run(write, check=False).returncode:
         raise UserError(f"the runs are there; their report in {output / 'report'} is not, as said above")
     if failed:
@@ -97,13 +98,13 @@ def run_benchmark(jobs: Sequence[Job], train: Path, output: Path, parallel: int 
     end(output / "runs")
 
 
-def _run_all(jobs: Sequence[Job], train: Path, parallel: int) -> None:
+def _run_all(jobs: Sequence[Job], parallel: int) -> None:
     """Run them all; what ends this process early ends them, too, once they have saved."""
     start, done = time.monotonic(), 0
     threads = str(max(1, (os.cpu_count() or 1) // parallel))
     processes: list[subprocess.Popen[bytes]] = []
     with ThreadPoolExecutor(parallel) as pool:
-        running = {pool.submit(_run, job, train, threads, processes): job for job in jobs}
+        running = {pool.submit(_run, job, threads, processes): job for job in jobs}
         try:
             while running:
                 finished, _ = wait(running, return_when=FIRST_COMPLETED)
@@ -120,7 +121,7 @@ def _run_all(jobs: Sequence[Job], train: Path, parallel: int) -> None:
             raise
 
 
-def _run(job: Job, train: Path, threads: str, processes: "list[subprocess.Popen[bytes]]") -> str:
+def _run(job: Job, threads: str, processes: "list[subprocess.Popen[bytes]]") -> str:
     """Run a job with its output in `log.txt`, in a session of its own, which Ctrl-C does not reach."""
     if is_locked(job.folder):
         return "left to another process"
@@ -130,7 +131,7 @@ def _run(job: Job, train: Path, threads: str, processes: "list[subprocess.Popen[
     owned.claim("log.txt")
     with (job.folder / "log.txt").open("w", encoding="utf-8") as log:
         process = subprocess.Popen(
-            [sys.executable, str(train), *job.overrides, f"hydra.run.dir={job.folder}"],
+            [*COL3D, "train", *job.overrides, f"hydra.run.dir={job.folder}"],
             env={**os.environ, "OMP_NUM_THREADS": threads},
             stdout=log,
             stderr=subprocess.STDOUT,

@@ -297,7 +297,7 @@ class TrainOptions(Options):
         if len(self.protocol) > 1 or self.one_protocol[1].resolution == "native":
             raise ValueError(
                 "protocol: train.py scores under one protocol, at the network's resolution; "
-                f"got {', '.join(self.protocol)}; evaluate.py scores under any"
+                f"got {', '.join(self.protocol)}; col3d evaluate scores under any"
             )
         if self.callbacks.predictions and self.trainer.devices != 1:
             raise ValueError(
@@ -334,7 +334,7 @@ class TrainOptions(Options):
 
 
 class EvaluateOptions(Options):
-    """Everything that `evaluate.py` takes; what is null stays as the checkpoint was trained.
+    """Everything that `col3d evaluate` takes; what is null stays as the checkpoint was trained.
 
     `data` and `phantom` may be left out; `published` names the program whose weights the checkpoint holds.
     """
@@ -362,12 +362,12 @@ class EvaluateOptions(Options):
         if self.data is not None:
             self.data.split.needs("data.split", self.split)
             if self.data.test or self.data.also:
-                raise ValueError("data.test, data.also: are of trainings; evaluate.py scores on data=...")
+                raise ValueError("data.test, data.also: are of trainings; col3d evaluate scores on data=...")
         return self
 
 
 class BenchmarkOptions(Options):
-    """What `benchmark.py` takes beside the options of `train.py`."""
+    """What `col3d benchmark` takes beside the options of `train.py`."""
 
     experiments: Annotated[list[str], Field(min_length=1)]
     seeds: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=1)]
@@ -377,20 +377,20 @@ class BenchmarkOptions(Options):
 
 
 class BenchmarkFile(Options):
-    """The part of the configuration that is `benchmark.py`'s own."""
+    """The part of the configuration that is `col3d benchmark`'s own."""
 
     benchmark: BenchmarkOptions
 
 
 class PrepareFileOptions(Options):
-    """What `prepare.py` takes beside data and phantom."""
+    """What `col3d prepare` takes beside data and phantom."""
 
     preset: str | None
     out: str | None
 
 
 class PrepareOptions(Options):
-    """Everything that `prepare.py` takes."""
+    """Everything that `col3d prepare` takes."""
 
     data: DataOptions
     phantom: PhantomOptions
@@ -399,7 +399,7 @@ class PrepareOptions(Options):
 
 
 class VerifyOptions(Options):
-    """Everything that `verify.py` takes."""
+    """Everything that `col3d verify` takes."""
 
     data: DataOptions
     phantom: PhantomOptions
@@ -410,12 +410,12 @@ class VerifyOptions(Options):
     @model_validator(mode="after")
     def _fits(self) -> "VerifyOptions":
         if self.data.test or self.data.also:
-            raise ValueError("data.test, data.also: are of trainings; verify.py checks data=...")
+            raise ValueError("data.test, data.also: are of trainings; col3d verify checks data=...")
         return self
 
 
 class DownloadOptions(Options):
-    """Everything that `download.py` takes."""
+    """Everything that `col3d download` takes."""
 
     data: DataOptions
     videos: Literal["split", "all"] | Annotated[list[str], Field(min_length=1)]
@@ -438,7 +438,7 @@ class DownloadOptions(Options):
         if self.data.name not in ("c3vd", "c3vdv2"):
             raise ValueError(f"data: c3vd and c3vdv2 can be downloaded, got data={self.data.name}")
         if self.data.test or self.data.also:
-            raise ValueError("data.test, data.also: are of trainings; download.py fetches data=...")
+            raise ValueError("data.test, data.also: are of trainings; col3d download fetches data=...")
         return self
 
 
@@ -459,7 +459,7 @@ class LearntOptions(Options):
 
 
 class PredictOptions(LearntOptions):
-    """Everything that `predict.py` takes."""
+    """Everything that `col3d predict` takes."""
 
     input: str
     output: str
@@ -495,7 +495,7 @@ class PoseOptions(Options):
 
 
 class FuseOptions(Options):
-    """Everything that `fuse.py` takes."""
+    """Everything that `col3d fuse` takes."""
 
     video: str
     dataset: Literal["auto", "c3vd", "c3vdv2"]
@@ -527,7 +527,7 @@ class FuseOptions(Options):
 
 
 class ExportOptions(LearntOptions):
-    """Everything that `export.py` takes."""
+    """Everything that `col3d export` takes."""
 
     output: str
     overwrite: bool
@@ -563,8 +563,8 @@ class ExportOptions(LearntOptions):
         return self
 
 
-class AppOptions(Options):
-    """Everything that `app.py` takes."""
+class DemoOptions(Options):
+    """Everything that `col3d demo` takes."""
 
     checkpoint: str | None
     published: Published | None
@@ -575,7 +575,7 @@ class AppOptions(Options):
     samples: Annotated[str | None, NoneWord]
 
     @model_validator(mode="after")
-    def _fits(self) -> "AppOptions":
+    def _fits(self) -> "DemoOptions":
         for option in ("max_depth", "size"):
             if getattr(self, option) is not None and self.published is None:
                 raise ValueError(f"{option}: our checkpoints know theirs; it is for published weights")

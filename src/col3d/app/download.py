@@ -276,7 +276,7 @@ def _check_all(videos: Sequence[str], options: DownloadOptions) -> int:
     root = options.data.root
     print(
         f"{len(videos) - faults} of {len(videos)} videos are whole; "
-        f"python verify.py data={options.data.name} data.root={root} reads every file to its end",
+        f"col3d verify data={options.data.name} data.root={root} reads every file to its end",
         flush=True,
     )
     return faults

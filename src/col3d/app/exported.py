@@ -13,7 +13,7 @@ OF_TRAINING = ("loops", "optimizer_states")
 
 
 def is_exported(path: Path) -> bool:
-    """Whether a file was written by `export.py`, by what it says of itself."""
+    """Whether a file was written by `col3d export`, by what it says of itself."""
     try:
         return SAYS[path.suffix](path)
     except Exception:  # whatever reading a file of something else may raise

@@ -136,7 +136,7 @@ def _check_open3d() -> None:
         import_module("open3d")
     except ImportError as error:
         raise UserError(
-            f"fuse.py needs Open3D ({error}): pip install -e '.[fusion]', and on Debian "
+            f"col3d fuse needs Open3D ({error}): pip install -e '.[fusion]', and on Debian "
             "apt-get install libusb-1.0-0"
         ) from None
 

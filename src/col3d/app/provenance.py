@@ -4,15 +4,19 @@ import hashlib
 import shlex
 import subprocess
 import sys
+from collections.abc import Sequence
 from importlib.metadata import distribution, entry_points, packages_distributions, version
 from pathlib import Path
 
 PACKAGES = ("col3d", "torch", "lightning", "torchmetrics", "timm", "kornia", "numpy")
 
 
-def command() -> str:
-    """This process's command line, as one types it."""
-    return f"python {shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])}"
+def command(words: Sequence[str] | None = None) -> str:
+    """A command line as one types it: this process's, when absent."""
+    script, *arguments = sys.argv if words is None else words
+    name = Path(script).name
+    program = {"__main__.py": ["python", "-m", "col3d"]}.get(name, ["python", name])
+    return shlex.join([*(program if name.endswith(".py") else [name]), *arguments])
 
 
 def commit() -> str | None:

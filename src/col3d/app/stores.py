@@ -80,10 +80,10 @@ def stored_frames(
     if source.store != "auto":
         store = Path(source.store)
         if not store.is_dir():
-            raise DataError(f"data.store={store}: no such folder; run prepare.py, or take data.store=auto")
+            raise DataError(f"data.store={store}: no such folder; run col3d prepare, or take data.store=auto")
         found = _fitting(store, frames, entries, recipe, source.release)
         if isinstance(found, str):
-            raise DataError(f"data.store={store}: {found}; run prepare.py again, or take data.store=auto")
+            raise DataError(f"data.store={store}: {found}; run col3d prepare again, or take data.store=auto")
         say(f"reads frames prepared in {store}")
         return found
     for store in dict.fromkeys([beside(root, size_hw), *remembered(root)]):

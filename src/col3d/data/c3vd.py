@@ -130,8 +130,8 @@ class C3VD(FrameSet):
             )
         if row is not None and self.with_truth and not row.has_truth:
             return (
-                f"{row.name} is a {row.kind} video, which has images and poses but no depth; predict.py and "
-                "fuse.py take it"
+                f"{row.name} is a {row.kind} video, which has images and poses but no depth; col3d predict "
+                "and col3d fuse take it"
             )
         return ""
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from col3d import early
-from col3d.app.config import AppOptions
+from col3d.app.config import DemoOptions
 from col3d.app.learnt import learnt
 from col3d.app.machine import quiet
 from col3d.checks import UserError
@@ -30,13 +30,13 @@ def serve(given: Mapping[str, Any]) -> None:
     """Rebuild a network and show the page until Ctrl-C.
 
     Args:
-        given: the composed configuration as plain values; see `AppOptions`.
+        given: the composed configuration as plain values; see `DemoOptions`.
 
     Raises:
         UserError: an option or the checkpoint breaks a rule, or the port is taken.
     """
     quiet()
-    options = check_options(AppOptions, given)
+    options = check_options(DemoOptions, given)
     if importlib.util.find_spec("gradio") is None:
         raise UserError("app: needs pip install -e '.[demo]'")
     checkpoint = newest_checkpoint(RUNS) if options.checkpoint is None else Path(options.checkpoint)
@@ -63,7 +63,7 @@ def serve(given: Mapping[str, Any]) -> None:
         _launch(page(network, camera, pinhole, offered, uploads), options, STYLE)
 
 
-def _launch(blocks: Any, options: AppOptions, style: str) -> None:
+def _launch(blocks: Any, options: DemoOptions, style: str) -> None:
     import gradio as gr
     from starlette.middleware import Middleware
 

@@ -87,7 +87,7 @@ def read_clip(path: Path, most_side: int) -> Clip:
         if len(frames) == most:
             raise DataError(
                 f"{path.name}: longer than {MOST_SECONDS} seconds or {MOST_FRAMES} frames; cut it first, or "
-                "use python predict.py, which takes videos of any length"
+                "use col3d predict, which takes videos of any length"
             )
         frames.append(fitted(shot.image, most_side))
     if not frames:

@@ -1,4 +1,4 @@
-"""`python -m col3d.reports RUNS OUT`: tables, figures and a page of all finished runs below a folder."""
+"""`col3d report RUNS OUT`: tables, figures and a page of all finished runs below a folder."""
 
 import argparse
 import sys
@@ -54,7 +54,7 @@ def report(runs: Path, out: Path, protocol: str | None, truth: Path | None) -> l
 
 
 def _beside(runs: Path) -> Path | None:
-    """The frames that benchmark.py keeps beside its runs."""
+    """The frames that col3d benchmark keeps beside its runs."""
     return runs / "truth" if (runs / "truth").is_dir() else None
 
 
@@ -89,7 +89,7 @@ def _names_of_pictures() -> list[str]:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m col3d.reports", description=__doc__)
+    parser = argparse.ArgumentParser(prog="col3d report", description=__doc__)
     parser.add_argument("runs", type=Path, metavar="RUNS", help="folder that holds runs, at any depth")
     parser.add_argument("out", type=Path, metavar="OUT", help="folder that the report is written to")
     parser.add_argument("--protocol", metavar="NAME", help="take runs scored under this protocol alone")

@@ -106,7 +106,7 @@ class Shard:
             raise DataError(f"{path}: a store's array does not begin as it was written{AGAIN}")
 
 
-AGAIN = "; run prepare.py again"
+AGAIN = "; run col3d prepare again"
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from col3d.data.verify.findings import Finding
 
 
 def stores_beside(root: Path) -> list[Path]:
-    """Folders of prepared frames, of any size, where `prepare.py` puts them."""
+    """Folders of prepared frames, of any size, where `col3d prepare` puts them."""
     root = root.absolute()
     named = re.compile(rf"{re.escape(root.name)}_\d+x\d+")
     found = sorted(path for path in root.parent.iterdir() if named.fullmatch(path.name))
@@ -44,5 +44,5 @@ def _check_video(folder: Path, fast: bool) -> list[Finding]:
         damaged = [] if fast else video.damaged()
     except (DataError, OSError) as error:
         return [Finding("store", str(error))]
-    again = "its bytes are not those that were written; delete its folder and run prepare.py again"
+    again = "its bytes are not those that were written; delete its folder and run col3d prepare again"
     return [Finding("store", f"{path}: a store's array is damaged: {again}") for path in damaged]

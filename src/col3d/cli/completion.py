@@ -1,0 +1,64 @@
+"""`col3d completion`: lines for a shell's start-up file, and the words that they ask for."""
+
+import os
+from contextlib import suppress
+
+from col3d.cli.main import PROGRAMS
+
+SHELLS = {
+    "bash": "complete -o nospace -C 'col3d completion words' col3d",
+    "zsh": "autoload -U +X bashcompinit; bashcompinit; complete -o nospace -C 'col3d completion words' col3d",
+    "fish": "complete -c col3d -f -a '(COMP_LINE=(commandline -cp) col3d completion words)'",
+}
+HELP = """\
+Add the line that `col3d completion SHELL` prints to the start-up file of your shell:
+
+  echo "$(col3d completion bash)" >> ~/.bashrc
+  echo "$(col3d completion zsh)" >> ~/.zshrc
+  col3d completion fish > ~/.config/fish/completions/col3d.fish"""
+
+
+def run(name: str, words: list[str]) -> int | None:
+    """Print the line for a shell, or for the line that is being typed (`COMP_LINE`) what can stand next."""
+    if words[:1] == ["words"]:
+        for word in continuations(os.environ.get("COMP_LINE", "")):
+            print(word)
+        return None
+    print(SHELLS.get(words[0], HELP) if words else HELP)
+    return None
+
+
+def continuations(line: str) -> list[str]:
+    """What the last word of a command line can become.
+
+    >>> continuations("col3d ev")
+    ['evaluate ']
+    """
+    words = line.split(" ")
+    last = words[-1]
+    if len(words) < 3:
+        return [f"{program} " for program in PROGRAMS if program.startswith(last)]
+    return _options(words[1], words[2:-1], last)
+
+
+def _options(program: str, before: list[str], last: str) -> list[str]:
+    """Options of a program, or values of one that is chosen among several.
+
+    A shell takes `=` for the end of a word: what comes back stands behind it.
+    """
+    from hydra.errors import HydraException
+
+    from col3d.checks import UserError
+    from col3d.cli.files import CONF, names_in
+    from col3d.cli.parts import offer_parts
+    from col3d.cli.refusals import option_names
+
+    if not (CONF / f"{program}.yaml").is_file():
+        return []
+    offer_parts()
+    group, equals, value = last.partition("=")
+    if equals:
+        return [f"{name} " for name in names_in(group) if name.startswith(value)]
+    with suppress(HydraException, UserError):  # what stands before is not whole yet
+        return [f"{name}=" for name in option_names(program, before) if name.startswith(last)]
+    return []

@@ -1,0 +1,129 @@
+"""The Hydra side of every program: compose, refuse bad input in a line, hand plain values on."""
+
+import io
+import os
+import sys
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from hydra import compose
+from hydra import main as hydra_main
+from hydra.core.hydra_config import HydraConfig
+from hydra.errors import HydraException
+from hydra.types import RunMode
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+import col3d.cli.resolvers  # noqa: F401  what ${...} can compute
+from col3d import plugins
+from col3d.app.replacing import end
+from col3d.checks import DataError, OptionError, TakenError, UserError
+from col3d.cli.again import Again
+from col3d.cli.choices import as_groups, check_choices
+from col3d.cli.files import CONF
+from col3d.cli.overview import look_over
+from col3d.cli.parts import load_plugins, offer_parts
+from col3d.cli.paths import as_typed
+from col3d.cli.refusals import explain, refuse
+from col3d.owned import Owned
+from col3d.reports.jobs import STATUS, TRAINING, read_plain
+from col3d.reports.summary import write_json
+
+BAD_INPUT = (DataError, UserError, OSError)
+INTERRUPTED = 130
+PLUGINS = "plugins"
+TRAINS = ("train", "benchmark")
+"""Programs whose options have registered parts among them."""
+SCRATCH = "search"
+"""Values of a sweeper that others are computed from; no program takes them."""
+Run = Callable[[dict[str, Any]], Any]
+
+
+def launch(config_name: str, run: Run, words: Sequence[str]) -> None:
+    """Compose `conf/<config_name>.yaml` with the command line and call `run` with plain values.
+
+    Bad input ends in one line for each fault and exit code 2; any other exception keeps its traceback.
+
+    Args:
+        config_name: of the program.
+        run: plain options -> what a sweeper is told.
+        words: the command line behind the program's name.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # names of files need not be UTF-8
+    os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra hands exceptions on instead of printing them
+    typed = as_typed(list(words), config_name)
+    try:
+        typed = load_plugins(typed)
+    except OptionError as error:
+        refuse(str(error))
+    if config_name in TRAINS:
+        offer_parts()
+    again = Again(sys.argv, config_name)
+    arguments = [text for argument in typed for text in as_groups(argument)]
+    sys.argv = [sys.argv[0], *arguments]  # which Hydra reads
+    check_choices(arguments)
+
+    def job(config: DictConfig) -> Any:
+        try:
+            given = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
+            assert isinstance(given, dict)
+            with again.by_itself():
+                return run(_plain(given, config_name))
+        except TakenError as error:
+            if HydraConfig.get().mode == RunMode.MULTIRUN:
+                return print(f"left to its process: {error}", flush=True)
+            refuse(explain(error, config_name))
+        except (OmegaConfBaseException, *BAD_INPUT) as error:
+            folder = Path(HydraConfig.get().runtime.output_dir)
+            if HydraConfig.get().mode == RunMode.MULTIRUN:
+                _note_failure(folder, explain(error, config_name))
+                raise  # the jobs that follow are to run
+            _drop_if_empty(folder)
+            refuse(explain(error, config_name))
+
+    try:
+        sweep = look_over(config_name, arguments, again.command)
+        hydra_main(version_base="1.3", config_path=str(CONF), config_name=config_name)(job)()
+        if sweep is not None:
+            end(sweep)
+    except (HydraException, OmegaConfBaseException, *BAD_INPUT) as error:
+        refuse(explain(error, config_name))
+    except KeyboardInterrupt:  # before a program of ours listens to it
+        sys.exit(INTERRUPTED)
+
+
+def composed(config_name: str, overrides: Sequence[str]) -> dict[str, Any]:
+    """A configuration as plain values, inside a program that `launch` runs."""
+    content = OmegaConf.to_container(
+        compose(config_name, list(overrides)), resolve=True, throw_on_missing=True
+    )
+    assert isinstance(content, dict)
+    return _plain(content, config_name)
+
+
+def _plain(content: dict[Any, Any], config_name: str) -> dict[str, Any]:
+    """A program's own options, with the plugins that are loaded where a run is to remember them."""
+    options = {str(key): value for key, value in content.items() if key not in (SCRATCH, PLUGINS)}
+    return {**options, PLUGINS: plugins.load()} if config_name in TRAINS else options
+
+
+def _note_failure(folder: Path, reason: str) -> None:
+    """Say of a job of a sweep why it never began; one that began has said it itself."""
+    said, owned = read_plain(folder / STATUS), Owned(folder, TRAINING, "hydra.run.dir")
+    with suppress(UserError):  # a folder of others, which is why
+        owned.check([STATUS])
+        if not folder.is_dir() or said.get("state") == "failed":
+            return
+        owned.claim(STATUS)
+        write_json(folder / STATUS, {**said, "state": "failed", "error": reason.splitlines()[-1]})
+
+
+def _drop_if_empty(folder: Path) -> None:
+    """Leave no folder behind for a job that never began."""
+    with suppress(OSError):  # it holds something, or may not be written to
+        if folder != Path.cwd():
+            folder.rmdir()

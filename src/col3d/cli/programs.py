@@ -1,0 +1,32 @@
+"""The programs that take options: which function each hands its composed configuration to."""
+
+from importlib import import_module
+from typing import Any
+
+from col3d.cli.program import launch
+
+RUNS = {
+    "train": "col3d.app.train:train",
+    "evaluate": "col3d.app.evaluate:evaluate",
+    "predict": "col3d.app.predict:predict",
+    "fuse": "col3d.app.fuse:fuse",
+    "export": "col3d.app.export:export",
+    "demo": "col3d.demo.serve:serve",
+    "download": "col3d.app.download:download",
+    "prepare": "col3d.app.prepare:prepare",
+    "verify": "col3d.app.verify:verify",
+    "benchmark": "col3d.cli.benchmark:benchmark",
+}
+"""Imported once the options are composed, so that help and refusals answer at once."""
+
+
+def run(name: str, words: list[str]) -> None:
+    """Compose a program's options and run it."""
+    if name == "verify":
+        words = ["fast=true" if word == "--fast" else word for word in words]
+
+    def call(given: dict[str, Any]) -> Any:
+        module, _, function = RUNS[name].partition(":")
+        return getattr(import_module(module), function)(given)
+
+    launch(name, call, words)

@@ -1,0 +1,68 @@
+"""What `${...}` can compute inside the configuration."""
+
+import hashlib
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from omegaconf import DictConfig, ListConfig, OmegaConf
+
+from col3d.checks import UserError
+from col3d.cli.files import CONF, names_in
+
+LONGEST_NAME = 100
+DRAWABLE = 4
+"""Parts of a phantom that can be drawn anew."""
+
+
+def slug(overrides: str) -> str:
+    """A folder's name for the overrides of a job: readable, and unique where it had to be shortened."""
+    name = re.sub(r"[^A-Za-z0-9._]+", "-", overrides.replace(",", "_")).strip("-") or "default"
+    digest = hashlib.sha1(overrides.encode()).hexdigest()[:8]
+    exact = re.fullmatch(r"[A-Za-z0-9._=/,]*", overrides) and len(name) <= LONGEST_NAME
+    return name if exact else f"{name[:LONGEST_NAME]}-{digest}"
+
+
+def by_preset(special: Mapping[str, Any], usual: Any, *, _root_: DictConfig) -> Any:
+    """A value that depends on the preset: `${by_preset:{paper:512,smoke:64},128}`."""
+    return special.get(str(_root_.preset), usual)
+
+
+def size_of(preset: str | None, data: str) -> Any:
+    """The size of frames at a preset; where none is named, at the one that the data set is mostly for."""
+    path = CONF / "preset" / f"{preset or ('laptop' if data == 'phantom' else 'paper')}.yaml"
+    if not path.is_file():
+        known = names_in("preset")
+        raise UserError(f"prepare.preset: expected one of {', '.join(known)}, got {preset!r}")
+    return OmegaConf.select(OmegaConf.load(path), "data.size")
+
+
+def colons(*bounds: Any) -> list[str]:
+    """Names of a phantom's videos with their seeds, from a first number to a last, for each two bounds."""
+    from col3d.data.videos import seeded_videos
+
+    pairs = list(zip(bounds[::2], bounds[1::2], strict=False))
+    whole = all(type(bound) is int for bound in bounds) and len(bounds) % 2 == 0
+    if not (whole and pairs and all(0 <= first <= last for first, last in pairs)):
+        given = ",".join(map(str, bounds))
+        raise UserError(
+            f"${{colons:{given}}}: expected a first and a last number from 0, or several such pairs"
+        )
+    return [name for first, last in pairs for name in seeded_videos(first, last)]
+
+
+def drawn(randomise: Any) -> str:
+    """What a phantom's folder is called after, by what its videos draw anew."""
+    if not isinstance(randomise, bool | ListConfig):
+        raise UserError(f"data.randomise: expected true, false or a list of parts, got {randomise!r}")
+    if isinstance(randomise, bool):
+        return "_randomised" if randomise else ""
+    parts = sorted({str(part) for part in randomise})
+    return "_randomised" if len(parts) == DRAWABLE else "".join(f"_{part}" for part in parts)
+
+
+OmegaConf.register_new_resolver("colons", colons, replace=True)
+OmegaConf.register_new_resolver("drawn", drawn, replace=True)
+OmegaConf.register_new_resolver("size_of", size_of, replace=True)
+OmegaConf.register_new_resolver("slug", slug, replace=True)
+OmegaConf.register_new_resolver("by_preset", by_preset, replace=True)
