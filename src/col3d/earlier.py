@@ -11,6 +11,9 @@ TERMS = {
 }
 """What the terms of a loss were called, in the order of their weights, until they had names of their own."""
 
+WITHOUT_RELEASE = ("simcol3d", "folder")
+"""Data sets of one release, which were told one all the same."""
+
 ADDED: dict[str, Any] = {
     "model.heads": "house",
     "model.pyramid_norm": "group",
@@ -32,6 +35,8 @@ def updated(options: dict[str, Any]) -> dict[str, Any]:
     >>> updated({"loss": {"depth": "silog", "normals": "l2", "lambdas": [0.5, 0.5]}})["loss"]["terms"]
     {'depth': {'term': 'silog', 'from_epoch': 0}, 'normals': {'term': 'normal_rmse', 'from_epoch': 0}}
     """
+    if isinstance(data := options.get("data"), dict):
+        options = {**options, "data": _data(data)}
     loss = options.get("loss")
     if not isinstance(loss, dict) or "terms" in loss or not isinstance(loss.get("depth"), str):
         return options
@@ -45,3 +50,19 @@ def updated(options: dict[str, Any]) -> dict[str, Any]:
     for name, epoch in zip(terms, loss.get("from_epoch") or (), strict=False):
         terms[name]["from_epoch"] = epoch
     return {**options, "loss": {"lambdas": loss.get("lambdas"), "terms": terms}}
+
+
+def _data(options: dict[str, Any]) -> dict[str, Any]:
+    """Options of a data set, without those that all had until each had its own."""
+    also = options.get("also")
+    inside = {name: _data(source) for name, source in also.items()} if isinstance(also, dict) else also
+    test = options.get("test")
+    now = {**options, "test": _data(test) if isinstance(test, dict) else test, "also": inside}
+    needless: dict[str, Any] = {"layout": None, "randomise": False}
+    if options.get("name") in WITHOUT_RELEASE:
+        needless["release"] = "auto"
+    return {
+        name: value
+        for name, value in now.items()
+        if name in options and (name not in needless or value != needless[name])
+    }

@@ -1,11 +1,11 @@
-"""The one door for parts of an experiment: networks, losses and optimisers by name.
+"""The one door for parts of an experiment: networks, losses, optimisers and data sets by name.
 
 The signature is the schema: its parameters are the options, its defaults the only defaults.
 """
 
 import functools
 import importlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, TypeVar
@@ -15,7 +15,7 @@ from pydantic_core import PydanticUndefined
 
 from col3d import plugins
 from col3d.checks import OptionError, nearest_name
-from col3d.schema import Options, options_of, parameters, rule
+from col3d.schema import Options, is_group, options_of, parameters, rule
 
 Built = TypeVar("Built", bound=Callable[..., Any])
 NOTHING: Mapping[str, Any] = MappingProxyType({})
@@ -26,7 +26,7 @@ class Part:
     """What a name stands for.
 
     Attributes:
-        kind: "model", "loss" or "optimizer".
+        kind: such as "model".
         name: on the command line.
         build: a class or a function; its keyword parameters are the options.
         supplied: parameters that the program gives.
@@ -72,8 +72,8 @@ class Registry:
         homes: modules whose import registers the parts of this package; a later one is imported only for a
             name that the earlier ones do not have, or where all are listed.
         option: where a name of one is given, as messages say it.
-        node: `module:function` from a part to what its choice brings into a configuration; None where parts
-            are no group of options.
+        groups: of options whose choices are these parts, each with `module:function` from a part to what its
+            choice brings there.
         supplied: parameters that the program gives to every part that has them.
         rules: pydantic's `Field` for parameters that every part means alike, by name.
     """
@@ -81,7 +81,7 @@ class Registry:
     kind: str
     homes: tuple[str, ...]
     option: str
-    node: str | None = None
+    groups: Mapping[str, str] = field(default_factory=dict)
     supplied: tuple[str, ...] = ()
     rules: Mapping[str, Any] = field(default_factory=dict)
     parts: dict[str, Part] = field(default_factory=dict)
@@ -147,9 +147,9 @@ class Registry:
             importlib.import_module(home)
         return sorted(self.parts, key=lambda name: (self.parts[name].package != "col3d", name))
 
-    def defaults(self, part: Part) -> dict[str, Any]:
-        """What the choice of a part brings into a configuration: its options with their defaults."""
-        module, _, function = (self.node or "").partition(":")
+    def node(self, part: Part, group: str) -> dict[str, Any]:
+        """What the choice of a part brings into a group of options: each with its default."""
+        module, _, function = self.groups[group].partition(":")
         content: dict[str, Any] = getattr(importlib.import_module(module), function)(part)
         return content
 
@@ -159,7 +159,11 @@ def _place(build: Callable[..., Any]) -> str:
 
 
 MODELS = Registry(
-    "model", ("col3d.models",), "model.name", node="col3d.models.options:node", supplied=("size_hw",)
+    "model",
+    ("col3d.models",),
+    "model.name",
+    groups={"model": "col3d.models.options:node"},
+    supplied=("size_hw",),
 )
 LOSSES = Registry(
     "loss", ("col3d.losses.terms",), "loss.terms", supplied=("prediction", "batch", "max_depth")
@@ -168,7 +172,7 @@ OPTIMIZERS = Registry(
     "optimizer",
     ("col3d.optimizers", "col3d.timm_optimizers"),
     "optimizer.name",
-    node="col3d.optimizers:node",
+    groups={"optimizer": "col3d.optimizers:node"},
     supplied=("params",),
     rules={
         "weight_decay": Field(ge=0),
@@ -176,7 +180,16 @@ OPTIMIZERS = Registry(
         "momentum": Field(ge=0, lt=1),
     },
 )
-KINDS = {registry.kind: registry for registry in (MODELS, LOSSES, OPTIMIZERS)}
+DATASETS = Registry(
+    "dataset",
+    ("col3d.data.datasets",),
+    "data.name",
+    groups={"data": "col3d.data.options:node", "data/source": "col3d.data.options:source_node"},
+    supplied=("root", "videos", "normals", "camera", "truth", "rendered"),
+)
+KINDS = {registry.kind: registry for registry in (MODELS, LOSSES, OPTIMIZERS, DATASETS)}
+GROUPS = {group: registry for registry in KINDS.values() for group in registry.groups}
+"""Groups of options whose choices are registered parts."""
 
 
 def register_model(
@@ -238,6 +251,40 @@ def register_optimizer(
     return OPTIMIZERS.register(name, build, defaults=dict(defaults))
 
 
+def register_dataset(
+    name: str,
+    build: Built | None = None,
+    *,
+    split: str = "custom",
+    normals: str = "derived",
+    root: str = "???",
+    defaults: Mapping[str, Any] = NOTHING,
+    label: str | None = None,
+    table: bool = False,
+    rendered: bool = False,
+    view: Callable[[tuple[int, int]], Any] | None = None,
+) -> Any:
+    """Register a data set: a `col3d.data.frames.FrameSet`, or a function that makes one.
+
+    Args:
+        name: for `data=NAME`, `data.test=NAME` and `data.also=NAME`.
+        build: the class. It is given `root`, `videos` (entries of a split) and, if it takes it, `normals`;
+            its other parameters are the options `data.<parameter>`. Where it has a static method `lens`, the
+            name stands for that camera as well.
+        split: the file of `conf/data/split` that it comes with; `custom` leaves the parts to the user.
+        normals: `stored`, `derived` from depth, or `none`, unless told otherwise.
+        root: where it lies; the user says it unless given here.
+        defaults: of options, where they differ from the signature's.
+        label: what people call it.
+        table: its videos are those of `videos.csv`, which knows their frames and surfaces.
+        rendered: its videos are made where they are not there, as `phantom` says.
+        view: height and width -> where its lens shows anything.
+    """
+    facts: dict[str, Any] = {"split": split, "normals": normals, "root": root, "defaults": dict(defaults)}
+    facts |= {"label": label or name, "table": table, "rendered": rendered, "view": view}
+    return DATASETS.register(name, build, NOTHING, **facts)
+
+
 def available(kind: str) -> list[str]:
     """Names of the parts of a kind, such as "model"."""
     return _registry(kind).names()
@@ -247,10 +294,20 @@ def describe(kind: str, name: str) -> str:
     """A part's first sentence, where it comes from, and a line for each of its options."""
     part = _registry(kind)[name]
     lines = [f"{part.kind} {part.name} ({part.build.__module__}.{part.build.__qualname__})", part.summary, ""]
-    for option, (annotation, default) in part.parameters().items():
-        usual = "needed" if default is PydanticUndefined else f"{default!r} unless given"
-        lines.append(f"  {part.kind}.{option}: {rule(annotation)}; {usual}")
-    return "\n".join(lines)
+    above = KINDS[part.kind].option.rpartition(".")[0]
+    return "\n".join([*lines, *_described(part.parameters(), above)])
+
+
+def _described(options: Mapping[str, tuple[Any, Any]], above: str) -> Iterator[str]:
+    for name, (annotation, default) in options.items():
+        if is_group(annotation):
+            inside = {
+                key: (found.annotation, found.default) for key, found in annotation.model_fields.items()
+            }
+            yield from _described(inside, f"{above}.{name}")
+        else:
+            usual = "needed" if default is PydanticUndefined else f"{default!r} unless given"
+            yield f"  {above}.{name}: {rule(annotation)}; {usual}"
 
 
 def _registry(kind: str) -> Registry:

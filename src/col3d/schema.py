@@ -125,14 +125,46 @@ def rule(annotation: Any) -> str:
     >>> rule(Annotated[float, Field(ge=0, lt=1)])
     'float, ge=0, lt=1'
     """
-    bare = _bare(annotation)
-    named = isinstance(bare, type) and not get_args(bare)
-    kind = bare.__name__ if named else str(bare).replace("typing.", "")
-    if get_origin(annotation) is not Annotated:
-        return kind
-    bounds = FieldInfo.from_annotation(annotation).metadata
-    said = [asdict(bound) for bound in bounds if is_dataclass(bound) and not isinstance(bound, type)]
-    return ", ".join([kind, *(f"{key}={value}" for bound in said for key, value in bound.items())])
+    origin, inner = get_origin(annotation), get_args(annotation)
+    if origin in (Union, UnionType):
+        return " or ".join(map(rule, inner))
+    if origin is Literal:
+        return " or ".join(map(repr, inner))
+    if origin is Annotated:
+        bounds = FieldInfo.from_annotation(annotation).metadata
+        said = [asdict(bound) for bound in bounds if is_dataclass(bound) and not isinstance(bound, type)]
+        return ", ".join(
+            [rule(inner[0]), *(f"{key}={value}" for bound in said for key, value in bound.items())]
+        )
+    if annotation is NoneType:
+        return "null"
+    named = isinstance(annotation, type) and not inner
+    return (
+        annotation.__name__
+        if named
+        else str(annotation).replace("typing.", "").replace("collections.abc.", "")
+    )
+
+
+def defaults(found: Mapping[str, tuple[Any, Any]]) -> dict[str, Any]:
+    """Defaults of `parameters` as YAML has them: `???` for what is needed, groups with their own inside.
+
+    >>> defaults({"width": (int, 4), "height": (int, PydanticUndefined)})
+    {'width': 4, 'height': '???'}
+    """
+    return {name: _default(annotation, default) for name, (annotation, default) in found.items()}
+
+
+def _default(annotation: Any, default: Any) -> Any:
+    if is_group(annotation) and default is PydanticUndefined:
+        fields = annotation.model_fields.items()
+        return {name: _default(field.annotation, field.default) for name, field in fields}
+    return "???" if default is PydanticUndefined else plain(default)
+
+
+def is_group(annotation: Any) -> bool:
+    """Whether a parameter is a group of options of its own."""
+    return isinstance(annotation, type) and issubclass(annotation, Options)
 
 
 def plain(value: Any) -> Any:
@@ -174,7 +206,7 @@ def _plain_part(annotation: Any) -> Any:
 def _is_plain_type(annotation: Any) -> bool:
     annotation = _bare(annotation)
     origin = get_origin(annotation)
-    if annotation is Any or annotation in (*PLAIN, *CONTAINERS) or origin is Literal:
+    if annotation is Any or annotation in (*PLAIN, *CONTAINERS) or origin is Literal or is_group(annotation):
         return True
     inner = [kind for kind in get_args(annotation) if kind is not Ellipsis]
     return origin in CONTAINERS and all(map(_is_plain_type, inner))

@@ -6,14 +6,14 @@ from omegaconf.errors import InterpolationResolutionError
 from tiny_run import CONF, composed
 
 from col3d.app.config import (
-    AugmentOptions,
     EvaluateOptions,
-    LayoutOptions,
     PrepareOptions,
     TrainOptions,
 )
 from col3d.app.scored import Scored
 from col3d.checks import UserError
+from col3d.data.datasets import LayoutOptions
+from col3d.data.options import AugmentOptions
 from col3d.data.splits import paper_split
 from col3d.losses.options import LossOptions
 from col3d.models.options import ModelOptions

@@ -88,7 +88,9 @@ def test_a_stale_store_is_noticed_and_left_aside(root: Path, tiny: Compose, caps
     assert isinstance(training_frames(tiny, root), Resized)
     assert f"does not serve: {path} has changed since" in capsys.readouterr().out
     store = beside(root, (64, 80))
-    with pytest.raises(DataError, match=rf"data\.store={store}: .* has changed since; run prepare\.py again"):
+    with pytest.raises(
+        DataError, match=rf"data\.store={store}: .* has changed since; run col3d prepare again"
+    ):
         training_frames(tiny, root, f"data.store={store}")
     prepare(given(root))
     assert "1 now, 21 before" in capsys.readouterr().out

@@ -17,8 +17,9 @@ from col3d.cli.paths import MAY_BE_NULL, NAMES, PATHS, as_typed, quoted, quoted_
 from col3d.cli.program import composed
 from col3d.cli.refusals import explain
 from col3d.cli.sweeps import jobs_of
+from col3d.data.options import SourceOptions
 from col3d.models.options import ModelOptions
-from col3d.registry import MODELS, available
+from col3d.registry import DATASETS, MODELS, available
 
 NASTY = " ()[]{}=,#&~:;'\"\\$%@!?*+-^`|<>äß鏡0e1._"
 TYPED = (
@@ -204,7 +205,7 @@ def text_options(model: type[BaseModel], prefix: str = "") -> dict[str, bool]:
     return found
 
 
-NO_PATH = {"preset", "prepare.preset", "data.split.name", "name", "optimizer.name"}
+NO_PATH = {"preset", "prepare.preset", "data.name", "data.split.name", "dataset", "name", "optimizer.name"}
 NO_PATH |= {f"model.{name}" for name in ("name", "encoder", "heads", "pyramid_norm")}
 """Free text that is a name of ours."""
 
@@ -228,6 +229,12 @@ def test_no_option_that_is_a_path_is_forgotten(model: type[BaseModel]) -> None:
             continue
         assert PATHS.fullmatch(option), option
         assert nullable is False or option in MAY_BE_NULL, option
+
+
+@pytest.mark.parametrize("name", available("dataset"))
+def test_no_option_of_a_data_set_that_is_a_path_is_forgotten(name: str) -> None:
+    for option in text_options(DATASETS[name].options(SourceOptions), "data."):
+        assert option in NO_PATH or PATHS.fullmatch(option), option
 
 
 @pytest.mark.parametrize("name", available("model"))

@@ -17,6 +17,7 @@ from col3d.data.files import read_grey, read_rgb
 from col3d.data.octagon import octagon_mask
 from col3d.data.release import camera_to_world, disagreement, house_normals
 from col3d.geometry import OmnidirectionalCamera, PinholeCamera, angle_between
+from col3d.registry import DATASETS
 
 SAMPLE = os.environ.get("COL3D_C3VD_SAMPLE")
 needs_sample = pytest.mark.skipif(SAMPLE is None, reason="COL3D_C3VD_SAMPLE names no folder of real frames")
@@ -267,16 +268,11 @@ def test_folders_are_looked_for_once(write_video, lens, monkeypatch: pytest.Monk
     assert asked == [root]
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"release": "curent"}, r"data\.release: 'curent' is unknown; did you mean 'current'"),
-        ({"normals": "store"}, r"data\.normals: 'store' is unknown; did you mean 'stored'"),
-    ],
-)
-def test_unknown_options(write_video, lens, options: dict[str, str], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        C3VD(write_video(), ["cecum_t1_a"], camera=lens, **options)
+def test_unknown_options(write_video, lens) -> None:
+    with pytest.raises(ValueError, match=r"data\.normals: 'store' is unknown; did you mean 'stored'"):
+        C3VD(write_video(), ["cecum_t1_a"], camera=lens, normals="store")
+    with pytest.raises(ValueError, match="Input should be 'auto', 'current' or 'pre_2023_05'"):
+        DATASETS["c3vd"].options().model_validate({"release": "curent"})
 
 
 def test_a_frame_without_any_depth_does_not_decide_the_release(write_video, lens) -> None:

@@ -140,7 +140,7 @@ def test_an_archive_that_wraps_a_folder(write_video: Write, lens: Any) -> None:
         (
             C3VDv2,
             "c1_cecum_t1_v4",
-            r"c1_cecum_t1_v4 is a deformation video, .* no depth; predict\.py and fuse",
+            r"c1_cecum_t1_v4 is a deformation video, .* no depth; col3d predict and col3d fuse",
         ),
         (C3VDv2, "c1_full_t1_v1", r"c1_full_t1_v1 is a screening video"),
         (C3VD, "screening_t1", r"screening_t1 is a screening video"),

@@ -1,6 +1,5 @@
 """The camera that a user names: a lens of a data set, a pinhole's four numbers, a file, or none."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -9,21 +8,19 @@ from jaxtyping import Bool
 from torch import Tensor
 
 from col3d.checks import DataError, UserError, nearest_name
-from col3d.data.octagon import octagon_mask
-from col3d.data.simcol3d import SimCol3D
-from col3d.geometry import Camera, OmnidirectionalCamera, PinholeCamera
+from col3d.geometry import Camera, PinholeCamera
 from col3d.geometry.camera_file import check_round_trip, read_lens
+from col3d.registry import DATASETS, Part
 
-LENSES: dict[str, Callable[[], Camera]] = {
-    "c3vd": OmnidirectionalCamera.c3vd,
-    "c3vdv2": OmnidirectionalCamera.c3vdv2,
-    "simcol3d": SimCol3D.lens,
-}
-OCTAGON = ("c3vd", "c3vdv2")
-"""Lenses whose image is an octagon."""
 SQUEEZE = 0.01
 """Largest difference of the sides' ratio from that of the lens, as a share."""
 CameraOption = str | list[float] | None
+
+
+def lenses() -> dict[str, Part]:
+    """Data sets by whose names their lens is known."""
+    parts = (DATASETS[name] for name in DATASETS.names())
+    return {part.name: part for part in parts if hasattr(part.build, "lens") and not part.facts["rendered"]}
 
 
 def lens_of(option: CameraOption) -> Camera | None:
@@ -42,13 +39,14 @@ def lens_of(option: CameraOption) -> Camera | None:
         if len(option) != 4 or min(option[:2]) <= 0:
             raise UserError(f"camera: expected [fx,fy,cx,cy] in pixels with fx, fy above 0, got {option}")
         return PinholeCamera.from_focal((0, 0), *option)
-    if option in LENSES:
-        return LENSES[option]()
+    if part := lenses().get(option):
+        lens: Camera = part.build.lens()  # type: ignore[attr-defined]
+        return lens
     if not Path(option).is_file():
-        known = ", ".join(LENSES)
+        known = lenses()
         raise UserError(
-            f"camera: {option!r} is no file and no known lens{nearest_name(option, LENSES)}; "
-            f"known are {known}, [fx,fy,cx,cy] for a pinhole, or none"
+            f"camera: {option!r} is no file and no known lens{nearest_name(option, known)}; "
+            f"known are {', '.join(known)}, [fx,fy,cx,cy] for a pinhole, or none"
         )
     path = Path(option)
     return _read(path, path.stat().st_mtime_ns)
@@ -109,8 +107,11 @@ def outside_image(camera: Camera) -> str:
 
 def view_of(option: CameraOption, size_hw: tuple[int, int]) -> Bool[Tensor, "1 h w"] | None:
     """Where the camera of this name shows anything; None where it does everywhere, or nobody knows."""
-    if isinstance(option, list) or option is None or option in (*LENSES, "none"):
-        return octagon_mask(size_hw) if option in OCTAGON else None
+    if isinstance(option, list) or option is None or option == "none":
+        return None
+    if part := lenses().get(option):
+        shows = part.facts["view"]
+        return None if shows is None else shows(size_hw)
     lens = lens_of(option)
     seen = None if lens is None else camera_at(lens, size_hw).sees()
     return None if seen is None or bool(seen.all()) else seen

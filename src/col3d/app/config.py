@@ -13,21 +13,24 @@ from pydantic import (
     model_validator,
 )
 
+from col3d.checks import check_known
+from col3d.data.options import Data, Probability, Size, Split
 from col3d.losses.options import LossOptions, Weight
 from col3d.models.options import ModelOptions, model_options
 from col3d.optimizers import OptimizerOptions, optimizer_options
-from col3d.registry import MODELS
+from col3d.registry import DATASETS, MODELS
 from col3d.reports.per_frame import DEPTH_METRICS, NORMAL_METRICS
 from col3d.schema import NoneWord, Options
 
-Split = Literal["train", "val", "test"]
 Published = Literal["bts", "col3d_bts_cbam", "col3d_mtl_no_xtc", "col3d_mtl", "newcrfs", "monodepth_fpn"]
 """Whose weights a checkpoint holds: `col3d.models.published`."""
-Probability = Annotated[float, Field(ge=0, le=1)]
-Side = Annotated[int, Field(ge=64)]
-"""Of frames that networks see: a batch of one needs more than one cell at 1/32."""
 ByName = Field(discriminator="name")
 """Which of several classes of options is meant is told by their name."""
+
+
+def of_the_table() -> list[str]:
+    """Data sets whose videos are those of `videos.csv`."""
+    return [name for name in DATASETS.names() if DATASETS[name].facts["table"]]
 
 
 Model = Annotated[SerializeAsAny[ModelOptions], PlainValidator(model_options)]
@@ -50,107 +53,12 @@ class AdversarialOptions(Options):
     discriminator_width: Annotated[int, Field(ge=8, multiple_of=8)]
 
 
-class SplitOptions(Options):
-    """Videos, labels of the paper or frame ranges of each part."""
-
-    name: str
-    train: list[str]
-    val: list[str]
-    test: list[str]
-
-    def needs(self, option: str, *parts: Split) -> None:
-        """Refuse parts that are used and empty.
-
-        Raises:
-            ValueError: names the option.
-        """
-        for part in parts:
-            if not getattr(self, part):
-                raise ValueError(f"{option}.{part}: a value is needed; give {option}.{part}=[VIDEO,...]")
-
-
-class AugmentOptions(Options):
-    """Random transforms of training batches."""
-
-    rotation: Annotated[float, Field(ge=0, le=180)]
-    flip: Probability
-    crop: Annotated[float, Field(gt=0, le=1)]
-    jitter: Probability
-
-
 class PhantomOptions(Options):
     """What is rendered where data=phantom is not there yet."""
 
-    size: Annotated[list[Side], Field(min_length=2, max_length=2)]
+    size: Size
     frames_per_video: Annotated[int, Field(ge=2)]
     seed: Annotated[int, Field(ge=0)]
-
-
-class LayoutOptions(Options):
-    """How the files of `data=folder` are called and what they hold; see `col3d.data.folder`."""
-
-    image: str
-    depth: str
-    depth_unit: PositiveFloat
-    max_depth: PositiveFloat
-    camera_file: str
-    depth_channel: Annotated[int, Field(ge=0)] | None = None
-    depth_offset: int | None = None
-    stamp_tolerance: PositiveFloat = 0.02
-
-
-class SourceOptions(Options):
-    """A data set and its split."""
-
-    name: Literal["phantom", "c3vd", "c3vdv2", "simcol3d", "folder"]
-    root: str
-    release: Literal["auto", "current", "pre_2023_05"]
-    normals: Literal["stored", "derived", "none"]
-    split: SplitOptions
-    allow_missing: bool
-    store: str = "auto"
-    randomise: bool | list[Literal["anatomy", "tissue", "light", "sensor"]] = False
-    weight: PositiveFloat = 1.0
-    layout: LayoutOptions | None = None
-
-    @model_validator(mode="after")
-    def _has_what_it_says(self) -> "SourceOptions":
-        if self.normals == "stored" and self.name in ("simcol3d", "folder"):
-            raise ValueError(f"data.normals: {self.name} stores none; take derived or none")
-        if self.randomise and self.name != "phantom":
-            raise ValueError(f"data.randomise: belongs to data=phantom, got data={self.name}")
-        if (self.layout is None) == (self.name == "folder"):
-            raise ValueError(f"data.layout: belongs to data=folder, got data={self.name}")
-        return self
-
-
-class DataOptions(SourceOptions):
-    """The data set that is trained on, how its frames are fed, and others to test on or train on."""
-
-    size: Annotated[list[Side], Field(min_length=2, max_length=2)]
-    batch_size: PositiveInt
-    workers: Annotated[int, Field(ge=0)]
-    augment: AugmentOptions
-    test: SourceOptions | None = None
-    also: dict[str, SourceOptions] = Field(default_factory=dict)
-
-    @model_validator(mode="after")
-    def _belong_together(self) -> "DataOptions":
-        for name, source in self.also.items():
-            source.split.needs(f"data.also.{name}.split", "train")
-            if (source.normals == "none") != (self.normals == "none"):
-                raise ValueError(
-                    f"data.also.{name}.normals: all that is trained on has normals or none has; got "
-                    f"{source.normals} beside {self.normals}"
-                )
-        if self.test is not None:
-            self.test.split.needs("data.test.split", "test")
-        return self
-
-    @property
-    def tested(self) -> SourceOptions:
-        """The data set that is tested on."""
-        return self.test or self
 
 
 class ConstantOptions(Options):
@@ -262,7 +170,7 @@ class TrainOptions(Options):
     plugins: list[str] = Field(default_factory=list)
     task: Annotated[TaskOptions, ByName]
     loss: LossOptions
-    data: DataOptions
+    data: Data
     phantom: PhantomOptions
     optimizer: TheOptimizer
     scheduler: Annotated[SchedulerOptions, ByName]
@@ -342,9 +250,9 @@ class EvaluateOptions(Options):
     checkpoint: str
     published: Published | None
     max_depth: PositiveFloat | None
-    size: Annotated[list[Side], Field(min_length=2, max_length=2)] | None
+    size: Size | None
     protocol: Protocols
-    data: DataOptions | None = None
+    data: Data | None = None
     phantom: PhantomOptions
     output_dir: str | None
     split: Split
@@ -392,7 +300,7 @@ class PrepareFileOptions(Options):
 class PrepareOptions(Options):
     """Everything that `col3d prepare` takes."""
 
-    data: DataOptions
+    data: Data
     phantom: PhantomOptions
     prepare: PrepareFileOptions
     workers: Annotated[int, Field(ge=1)] | None
@@ -401,7 +309,7 @@ class PrepareOptions(Options):
 class VerifyOptions(Options):
     """Everything that `col3d verify` takes."""
 
-    data: DataOptions
+    data: Data
     phantom: PhantomOptions
     fast: bool
     output: str
@@ -417,7 +325,7 @@ class VerifyOptions(Options):
 class DownloadOptions(Options):
     """Everything that `col3d download` takes."""
 
-    data: DataOptions
+    data: Data
     videos: Literal["split", "all"] | Annotated[list[str], Field(min_length=1)]
     accept_licence: bool
     keep: bool
@@ -435,8 +343,10 @@ class DownloadOptions(Options):
             )
         if not re.fullmatch(r"(doi|hdl):\S+", self.doi):
             raise ValueError(f"doi: expected one such as doi:10.7281/T1/JC64MK, got {self.doi!r}")
-        if self.data.name not in ("c3vd", "c3vdv2"):
-            raise ValueError(f"data: c3vd and c3vdv2 can be downloaded, got data={self.data.name}")
+        if not DATASETS[self.data.name].facts["table"]:
+            raise ValueError(
+                f"data: {' and '.join(of_the_table())} can be downloaded, got data={self.data.name}"
+            )
         if self.data.test or self.data.also:
             raise ValueError("data.test, data.also: are of trainings; col3d download fetches data=...")
         return self
@@ -448,7 +358,7 @@ class LearntOptions(Options):
     checkpoint: str
     published: Published | None
     max_depth: PositiveFloat | None
-    size: Annotated[list[Side], Field(min_length=2, max_length=2)] | None
+    size: Size | None
 
     @model_validator(mode="after")
     def _knows_its_own(self) -> "LearntOptions":
@@ -498,13 +408,13 @@ class FuseOptions(Options):
     """Everything that `col3d fuse` takes."""
 
     video: str
-    dataset: Literal["auto", "c3vd", "c3vdv2"]
+    dataset: str
     output: str
     overwrite: bool
     checkpoint: str | None
     published: Published | None
     max_depth: PositiveFloat | None
-    size: Annotated[list[Side], Field(min_length=2, max_length=2)] | None
+    size: Size | None
     scale: Literal["none", "median"]
     poses: PoseOptions
     frames: PositiveInt | None
@@ -514,6 +424,8 @@ class FuseOptions(Options):
 
     @model_validator(mode="after")
     def _fits(self) -> "FuseOptions":
+        if self.dataset != "auto":
+            check_known("dataset", self.dataset, ("auto", *of_the_table()))
         needless = {"published": self.published, "max_depth": self.max_depth}
         if self.checkpoint is None:
             for option, value in needless.items():
@@ -569,8 +481,8 @@ class DemoOptions(Options):
     checkpoint: str | None
     published: Published | None
     max_depth: PositiveFloat | None
-    size: Annotated[list[Side], Field(min_length=2, max_length=2)] | None
-    camera: Annotated[Literal["c3vd", "c3vdv2", "simcol3d"] | list[float] | None, NoneWord]
+    size: Size | None
+    camera: Annotated[str | list[float] | None, NoneWord]
     port: Annotated[int, Field(ge=1, le=65535)]
     samples: Annotated[str | None, NoneWord]
 

@@ -5,11 +5,12 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from col3d.app.config import DataOptions, PhantomOptions, SourceOptions
+from col3d.app.config import PhantomOptions
 from col3d.app.frames import frame_set
 from col3d.checks import DataError
 from col3d.data.frame_files import Frame
 from col3d.data.frames import FrameSet
+from col3d.data.options import DataOptions, SourceOptions
 from col3d.data.splits import SPLITS, selection_of_any_video
 from col3d.data.store import folder_of, read_video, videos_in
 
@@ -39,7 +40,8 @@ def part_state(source: SourceOptions, phantom: PhantomOptions, part: str) -> Sta
         f"{kind} of {video} ({source.name}, {part})": _summed(frames.root, paths)
         for (video, kind), paths in kinds.items()
     }
-    if source.layout is not None and (camera := frames.root / source.layout.camera_file).is_file():
+    layout = source.own.get("layout")
+    if layout is not None and (camera := frames.root / layout.camera_file).is_file():
         found[f"camera ({source.name})"] = _summed(frames.root, [camera])
     return found
 

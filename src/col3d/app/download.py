@@ -23,7 +23,6 @@ from rich.progress import (
 from col3d.app.config import DownloadOptions
 from col3d.app.download_plan import (
     GB,
-    KINDS,
     Part,
     check_places,
     check_space,
@@ -47,6 +46,7 @@ from col3d.data.download import (
 from col3d.data.videos import catalogue, frames_of
 from col3d.owned import Owned
 from col3d.refusals import check_options
+from col3d.registry import DATASETS
 
 FAULTY = 1
 SETTLE = 5.0
@@ -289,7 +289,7 @@ def _checked(video: str, options: DownloadOptions) -> str:
         DataError: a file is missing or broken, or frames are.
     """
     row = catalogue()[video]
-    kind, root = KINDS[options.data.name], options.data.root
+    kind, root = DATASETS[options.data.name].build, options.data.root
     frames = kind(root, [video], normals="stored" if row.has_truth else "none", truth=row.has_truth)
     wanted = {frames_of(video, release) for release in frames.releases.values()} or {row.frames}
     if len(frames) not in wanted:

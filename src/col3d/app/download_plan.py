@@ -4,17 +4,17 @@ import shutil
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from col3d.app.config import DownloadOptions
 from col3d.checks import DataError, UserError, nearest_name
-from col3d.data.c3vd import C3VD, C3VDv2
 from col3d.data.download import RemoteFile
 from col3d.data.splits import expand, selection_of_any_video
 from col3d.data.videos import catalogue, other_names
 from col3d.owned import Owned
+from col3d.registry import DATASETS
 from col3d.whole import PARTIAL
 
-KINDS: Mapping[str, type[C3VD]] = {"c3vd": C3VD, "c3vdv2": C3VDv2}
 GROWTH = 3
 """How many times larger than its archive a video is taken to be where the server does not tell."""
 GB = 1e9
@@ -107,7 +107,8 @@ def folders_there(options: DownloadOptions) -> dict[str, Path]:
     root = Path(options.data.root)
     if root.exists() and not root.is_dir():
         raise UserError(f"data.root: {root} is a file; name a folder")
-    found = KINDS[options.data.name].video_folders(root) if root.is_dir() else {}
+    kind: Any = DATASETS[options.data.name].build
+    found = kind.video_folders(root) if root.is_dir() else {}
     return {video: folder for video, folder in found.items() if any(folder.iterdir())}
 
 

@@ -122,7 +122,7 @@ def _facts(
     return {
         "max_depth": subject.max_depth,
         "checkpoint": [options.checkpoint, file.st_size, file.st_mtime_ns],
-        "data": [data.name, str(Path(data.root).absolute()), data.release, data.size],
+        "data": [data.name, str(Path(data.root).absolute()), data.own, data.size],
         "split": [options.split, list(getattr(data.split, options.split)), len(frames)],
         "mirror": mirror,
         "files": part_state(data, subject.phantom, options.split),

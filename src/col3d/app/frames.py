@@ -5,17 +5,15 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TypeVar
 
-from col3d.app.config import DataOptions, PhantomOptions, SourceOptions
+from col3d.app.config import PhantomOptions
 from col3d.app.stores import stored_frames
 from col3d.checks import DataError
-from col3d.data.c3vd import C3VD, C3VDv2
 from col3d.data.datamodule import FrameDataModule, Frames
-from col3d.data.folder import FolderFrames, too_deep
 from col3d.data.frames import FrameSet
-from col3d.data.phantom import PARTS, PhantomSettings, phantom_camera, render_phantom
+from col3d.data.options import DataOptions, SourceOptions, built
+from col3d.data.phantom import PARTS, PhantomSettings, render_phantom
 from col3d.data.phantom.write import MANIFEST, video_is_complete
 from col3d.data.processes import check_replaceable
-from col3d.data.simcol3d import SimCol3D
 from col3d.data.sized import Joined, Resized, SizedFrames, WithMixedTruth
 from col3d.data.splits import (
     SPLITS,
@@ -28,6 +26,7 @@ from col3d.data.splits import (
 from col3d.data.store import videos_in
 from col3d.data.transforms import Augment
 from col3d.data.videos import video_table
+from col3d.registry import DATASETS
 
 CUSTOM = "custom"
 """The split that is the user's own, of whatever frames there are."""
@@ -59,12 +58,18 @@ def _settled(source: Source, phantom: PhantomOptions) -> Source:
     )
 
 
+def is_rendered(source: SourceOptions) -> bool:
+    """Whether its videos are made where they are not there."""
+    rendered: bool = DATASETS[source.name].facts["rendered"]
+    return rendered
+
+
 def phantom_settings(
     source: SourceOptions, options: PhantomOptions, videos: Iterable[str] | None = None
 ) -> PhantomSettings:
     """What is asked to be rendered: these videos, or all."""
     height, width = options.size
-    asked = source.randomise
+    asked = source.own.get("randomise", False)
     randomise = tuple(part for part in PARTS if asked is True or (asked and part in asked))
     return PhantomSettings(
         size_hw=(height, width),
@@ -81,20 +86,9 @@ def frame_set(source: SourceOptions, phantom: PhantomOptions, entries: Sequence[
     Raises:
         DataError: a file or folder is missing or not what it should be.
     """
-    root, normals = Path(source.root), source.normals
-    match source.name:
-        case "phantom":
-            camera = phantom_camera(phantom_settings(source, phantom))
-            return C3VD(root, entries, source.release, normals, camera)
-        case "c3vd":
-            return C3VD(root, entries, source.release, normals)
-        case "c3vdv2":
-            return C3VDv2(root, entries, source.release, normals)
-        case "simcol3d":
-            return SimCol3D(root, entries, normals)
-        case "folder":
-            assert source.layout is not None
-            return FolderFrames(root, entries, **source.layout.model_dump(), normals=normals)
+    frames = built(source, entries, rendered=phantom)
+    assert isinstance(frames, FrameSet)
+    return frames
 
 
 def entries_of(source: SourceOptions, phantom: PhantomOptions, part: str) -> list[str]:
@@ -104,14 +98,14 @@ def entries_of(source: SourceOptions, phantom: PhantomOptions, part: str) -> lis
         DataError: a video is missing.
     """
     named = getattr(source.split, part)
-    if source.name == "phantom":
+    if is_rendered(source):
         chosen = [parse_selection(entry) for entry in named]
         for selection in chosen:
             check_end(selection, phantom.frames_per_video - 1)
         videos = sorted({selection.video for selection in chosen})
         render_missing(Path(source.root), phantom_settings(source, phantom, videos))
-        return _at_hand(source, part, named, videos)
-    return _at_hand(source, part, named, _videos_at_hand(source, phantom))
+        return _at_hand(source, phantom, part, named, videos)
+    return _at_hand(source, phantom, part, named, _videos_at_hand(source, phantom))
 
 
 def render_missing(root: Path, settings: PhantomSettings, workers: int | None = None) -> None:
@@ -237,7 +231,7 @@ def _check_weights(sources: Sequence[SourceOptions], parts: Sequence[SizedFrames
 
 def _videos_at_hand(source: SourceOptions, phantom: PhantomOptions) -> list[str]:
     """Names of the videos of the data set, or where it is not there of the store that is named."""
-    if source.name == "phantom":
+    if is_rendered(source):
         return list(dict.fromkeys([*video_table(), *frame_set(source, phantom, []).folders]))
     root, store = Path(source.root), Path(source.store)
     if not root.is_dir() and source.store not in ("auto", "none") and store.is_dir():
@@ -245,10 +239,14 @@ def _videos_at_hand(source: SourceOptions, phantom: PhantomOptions) -> list[str]
     return list(frame_set(source, phantom, []).folders)
 
 
-def _at_hand(source: SourceOptions, part: str, named: Sequence[str], present: Sequence[str]) -> list[str]:
+def _at_hand(
+    source: SourceOptions, phantom: PhantomOptions, part: str, named: Sequence[str], present: Sequence[str]
+) -> list[str]:
     """Entries of the split, without those of missing videos where that is allowed."""
-    for entry in named if source.name == "folder" else ():
-        if reason := too_deep(Path(source.root), selection_of_any_video(entry, present).video):
+    frames = frame_set(source, phantom, []) if Path(source.root).is_dir() else None
+    for entry in named if frames is not None else ():
+        assert frames is not None
+        if reason := frames.unreachable(selection_of_any_video(entry, present).video):
             raise DataError(reason)
     videos = {entry: parse_selection(entry, present).video for entry in named}
     missing = list(dict.fromkeys(video for video in videos.values() if video not in present))
@@ -269,7 +267,7 @@ def _check_counts(
     source: SourceOptions, part: str, entries: Sequence[str], videos: Iterable[str], releases: dict[str, str]
 ) -> None:
     """Hold the splits that come with the program against the table of videos."""
-    if source.name not in ("c3vd", "c3vdv2") or source.allow_missing or source.split.name == CUSTOM:
+    if not DATASETS[source.name].facts["table"] or source.allow_missing or source.split.name == CUSTOM:
         return
     counts = Counter(videos)
     for release in set(releases.values()):

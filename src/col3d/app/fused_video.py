@@ -1,24 +1,23 @@
 """The video that is fused: its folder, its frames, and whose lens saw it."""
 
 import os
-from collections.abc import Mapping
 from pathlib import Path
 
 from col3d.app.cameras import camera_at
 from col3d.app.config import FuseOptions
 from col3d.checks import UserError
-from col3d.data.c3vd import C3VD, C3VDv2
+from col3d.data.c3vd import C3VD
 from col3d.data.images import read_image
 from col3d.data.videos import canonical_name, described
-
-DATA_SETS: Mapping[str, type[C3VD]] = {"auto": C3VD, "c3vd": C3VD, "c3vdv2": C3VDv2}
+from col3d.registry import DATASETS
 
 
 def video_of(options: FuseOptions) -> C3VD:
     """The frames of the video, its lens at their size; without truth where it has no depth."""
     root, given, frames = _place(options.video)
     folder, entry, row = root / given, f"{given}{frames}", described(given)
-    kind = DATA_SETS[row.data if options.dataset == "auto" and row else options.dataset]
+    name = options.dataset if options.dataset != "auto" else row.data if row else C3VD.data
+    kind: type[C3VD] = DATASETS[name].build  # type: ignore[assignment]
     if folder.is_dir():
         folder = kind.video_folders(root).get(canonical_name(given), folder)
     images, has_truth = kind.kinds["color"].find(folder), bool(kind.kinds["depth"].find(folder))

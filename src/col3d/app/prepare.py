@@ -8,12 +8,13 @@ from typing import Any
 
 import torch
 
-from col3d.app.config import PhantomOptions, PrepareOptions, SourceOptions
-from col3d.app.frames import frame_set, other_folder_names, phantom_settings, render_missing
+from col3d.app.config import PhantomOptions, PrepareOptions
+from col3d.app.frames import frame_set, is_rendered, other_folder_names, phantom_settings, render_missing
 from col3d.app.stopping import stoppable
 from col3d.app.stores import beside, recipe_of, remember
 from col3d.checks import DataError, UserError
 from col3d.data.frames import FrameSet
+from col3d.data.options import SourceOptions
 from col3d.data.processes import check_replaceable, in_processes, remove_stale
 from col3d.data.sized import Resized
 from col3d.data.splits import SPLITS, expand, parse_selection
@@ -34,7 +35,7 @@ def prepare(given: Mapping[str, Any]) -> None:
     options = check_options(PrepareOptions, given)
     source, size_hw = options.data, (options.data.size[0], options.data.size[1])
     with stoppable("finished videos stay, and the same command goes on"):
-        if source.name == "phantom":
+        if is_rendered(source):
             settings = phantom_settings(source, options.phantom, _videos_of(source))
             render_missing(Path(source.root), settings, options.workers)
             print(f"phantom ready: {source.root}, {len(settings.videos)} videos", flush=True)

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from col3d.app.config import DataOptions, SourceOptions
 from col3d.data.leakage import Shared, shared_with_training
+from col3d.data.options import DataOptions, SourceOptions
 
 
 @dataclass(frozen=True)

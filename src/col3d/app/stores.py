@@ -4,12 +4,13 @@ import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from col3d.app.config import SourceOptions
 from col3d.checks import DataError
 from col3d.data.frames import FrameSet
+from col3d.data.options import SourceOptions
 from col3d.data.splits import check_end, selection_of_any_video
 from col3d.data.store import Recipe, Stored, StoredVideo, folder_of, read_video, videos_in
 from col3d.data.videos import frames_of
+from col3d.schema import plain
 from col3d.whole import write_whole
 
 KNOWN = ".col3d_stores.json"
@@ -18,14 +19,14 @@ KNOWN = ".col3d_stores.json"
 
 def recipe_of(source: SourceOptions, frames: FrameSet, size_hw: tuple[int, int]) -> Recipe:
     """What prepared frames have to be made by."""
-    camera = frames.camera.resized(size_hw)
+    camera, decoding = frames.camera.resized(size_hw), frames.decoding()
     return Recipe(
         source.name,
         size_hw,
         source.normals,
         frames.max_depth,
         camera,
-        frames.decoding(),
+        plain(source.own) if decoding is None else decoding,
         frames.dense_truth,
     )
 
@@ -81,14 +82,14 @@ def stored_frames(
         store = Path(source.store)
         if not store.is_dir():
             raise DataError(f"data.store={store}: no such folder; run col3d prepare, or take data.store=auto")
-        found = _fitting(store, frames, entries, recipe, source.release)
+        found = _fitting(store, frames, entries, recipe, source.own.get("release", "auto"))
         if isinstance(found, str):
             raise DataError(f"data.store={store}: {found}; run col3d prepare again, or take data.store=auto")
         say(f"reads frames prepared in {store}")
         return found
     for store in dict.fromkeys([beside(root, size_hw), *remembered(root)]):
         if store.is_dir():
-            found = _fitting(store, frames, entries, recipe, source.release)
+            found = _fitting(store, frames, entries, recipe, source.own.get("release", "auto"))
             if isinstance(found, Stored):
                 say(f"reads frames prepared in {store}")
                 return found

@@ -3,11 +3,12 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from col3d.app.config import DataOptions, EvaluateOptions, PhantomOptions, SourceOptions
+from col3d.app.config import EvaluateOptions, PhantomOptions
 from col3d.app.frames import settled
 from col3d.app.learnt import MAX_DEPTH, published_network, trained_task
 from col3d.app.scored import Scored
 from col3d.checks import UserError
+from col3d.data.options import DataOptions
 from col3d.tasks import SupervisedTask
 
 
@@ -49,8 +50,7 @@ def _of_part(data: DataOptions, part: str) -> DataOptions:
     """The data set that a part of a training is of, fed as the training's own."""
     if part != "test" or data.test is None:
         return data
-    source = {name: getattr(data.test, name) for name in SourceOptions.model_fields}
-    return data.model_copy(update={**source, "test": None, "also": {}})
+    return data.fed(data.test)
 
 
 def _published(path: Path, options: EvaluateOptions) -> Subject:

@@ -6,10 +6,11 @@ from typing import Any
 import numpy as np
 from torch import Tensor
 
-from col3d.app.config import DataOptions, ProtocolOptions, SourceOptions
+from col3d.app.config import ProtocolOptions
 from col3d.batch import normals_mask
 from col3d.checks import UserError
 from col3d.data.datamodule import Frames
+from col3d.data.options import DataOptions, SourceOptions
 from col3d.data.sized import Joined, Resized, SizedFrames
 from col3d.losses.gradients import with_neighbours
 
@@ -57,7 +58,8 @@ def check_truth(
             continue
         if _share(frame["mask"]) < NEARLY_ALL:
             say(f"note: {source.root}: {_shares(of_source, frame)}")
-        if source.layout is not None and (note := _too_near(frame, source.layout.depth_unit)):
+        layout = source.own.get("layout")
+        if layout is not None and (note := _too_near(frame, layout.depth_unit)):
             say(f"note: {source.root}: {note}")
 
 
@@ -98,7 +100,8 @@ def _too_near(frame: Mapping[str, Any], unit: float) -> str:
 
 def _depth_there(frames: Frames, source: SourceOptions) -> str:
     """What depth of a described folder is in the unit that is said, though none of it counts."""
-    if not isinstance(frames, Resized) or source.layout is None:
+    layout = source.own.get("layout")
+    if not isinstance(frames, Resized) or layout is None:
         return ""
     stored = frames.frames.stored_depth(frames.frames.frames[0])
     mm = stored.mm[np.isfinite(stored.mm) & (stored.mm > 0)]
@@ -106,7 +109,7 @@ def _depth_there(frames: Frames, source: SourceOptions) -> str:
         return ""
     return (
         f"; that of the first frame is read as {mm.min():.3g} to {mm.max():.3g} mm, and what counts is up to "
-        f"data.layout.max_depth={source.layout.max_depth:g}: is {UNIT}={source.layout.depth_unit:g} right?"
+        f"data.layout.max_depth={layout.max_depth:g}: is {UNIT}={layout.depth_unit:g} right?"
     )
 
 

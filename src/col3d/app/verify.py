@@ -10,14 +10,15 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from col3d.app.config import PhantomOptions, SourceOptions, VerifyOptions
-from col3d.app.frames import frame_set, other_folder_names
+from col3d.app.config import PhantomOptions, VerifyOptions
+from col3d.app.frames import frame_set, is_rendered, other_folder_names
 from col3d.app.stopping import stoppable
 from col3d.app.stores import remembered
 from col3d.callbacks import StopSignals
 from col3d.checks import DataError, UserError
 from col3d.data.frame_files import Frame
 from col3d.data.frames import FrameSet
+from col3d.data.options import SourceOptions
 from col3d.data.phantom.write import read_manifest
 from col3d.data.processes import in_processes
 from col3d.data.release import RELEASES
@@ -42,6 +43,7 @@ from col3d.data.verify.stores import check_store, stores_beside
 from col3d.data.videos import catalogue, frames_of
 from col3d.owned import Owned
 from col3d.refusals import check_options
+from col3d.registry import DATASETS
 from col3d.reports.jobs import read_plain
 from col3d.reports.summary import write_json
 from col3d.reports.verification import Picture, print_verification, write_page
@@ -155,7 +157,7 @@ def _plans(source: SourceOptions, frames: FrameSet, fast: bool) -> tuple[dict[st
 def _is_foreign(source: SourceOptions, video: str) -> bool:
     """Whether a video is of the other of the two data sets of C3VD."""
     row = catalogue().get(video)
-    return source.name in ("c3vd", "c3vdv2") and row is not None and row.data != source.name
+    return DATASETS[source.name].facts["table"] and row is not None and row.data != source.name
 
 
 def _reports(
@@ -180,18 +182,18 @@ def _asked(source: SourceOptions, phantom: PhantomOptions, video: str) -> Asked:
     row = catalogue().get(video)
     listed = row is not None and row.data == source.name
     counts: dict[str, int] = {}
-    if source.name == "phantom":
+    if is_rendered(source):
         counts = dict.fromkeys(RELEASES, phantom.frames_per_video)
     elif listed:
         counts = {release: frames_of(video, release) or 0 for release in RELEASES}
-    release = source.release if source.normals == "stored" else "auto"
-    has_poses = source.name == "phantom" or listed
+    release = source.own.get("release", "auto") if source.normals == "stored" else "auto"
+    has_poses = is_rendered(source) or listed
     return Asked(counts, exactly=not source.allow_missing, release=release, poses=has_poses)
 
 
 def _check_phantom(source: SourceOptions, phantom: PhantomOptions, folders: Mapping[str, Path]) -> None:
     """Refuse options that a phantom was not rendered with: every file would be called wrong."""
-    for folder in folders.values() if source.name == "phantom" else ():
+    for folder in folders.values() if is_rendered(source) else ():
         made = (read_manifest(folder) or {}).get("settings", {})
         size, count = (
             made.get("size_hw", phantom.size),

@@ -7,11 +7,11 @@ import torch
 from torch import Tensor
 
 from col3d.app.checkpoints import CheckpointFiles
-from col3d.app.config import SourceOptions
 from col3d.app.learnt import Learnt, learnt, trained_task
 from col3d.app.same_outputs import phantom_frame
 from col3d.app.traced import sample
 from col3d.checks import UserError
+from col3d.data.options import SourceOptions
 from col3d.models.options import untrained
 from col3d.reports.places import command_without_places, last_name, without_places
 

@@ -1,7 +1,7 @@
 """Registered parts as choices of the configuration: `model=unet model.dropout=0.2` needs no file."""
 
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from hydra.core.config_search_path import ConfigSearchPath
 from hydra.core.object_type import ObjectType
@@ -13,8 +13,7 @@ from hydra.plugins.search_path_plugin import SearchPathPlugin
 from omegaconf import OmegaConf
 
 from col3d import plugins
-from col3d.cli.files import is_kind
-from col3d.registry import KINDS, Part
+from col3d.registry import DATASETS, GROUPS, Part
 
 OPTION = "plugins="
 USUAL = {"task": "supervised"}
@@ -31,61 +30,69 @@ class RegisteredParts(ConfigSource):
 
     def load_config(self, config_path: str) -> ConfigResult:
         """The options of a part with their defaults, and the groups that it brings along."""
-        part = self._part(config_path)
+        group, part = self._found(config_path)
         assert part is not None
-        content = OmegaConf.create(_content(part))
-        return ConfigResult(part.package, self.full_path(), content, {"package": "_global_"})
+        content = GROUPS[group].node(part, group)
+        chosen = {other: choice for other, choice in part.chooses.items() if USUAL.get(other) != choice}
+        package = None
+        if chosen:
+            defaults = [{f"override /{other}": choice} for other, choice in chosen.items()]
+            package, content = "_global_", {"defaults": defaults, group: content}
+        return ConfigResult(part.package, self.full_path(), OmegaConf.create(content), {"package": package})
 
     def available(self) -> bool:
         """Always."""
         return True
 
     def is_group(self, config_path: str) -> bool:
-        """Whether it is a kind of parts."""
+        """Whether its choices are parts, or it is above such a group."""
         group = config_path.strip("/")
-        return not group or group in self.kinds
+        return not group or any(f"{known}/".startswith(f"{group}/") for known in self.groups)
 
     def is_config(self, config_path: str) -> bool:
         """Whether it is a part."""
-        return self._part(config_path) is not None
+        return self._found(config_path)[1] is not None
 
     def list(self, config_path: str, results_filter: ObjectType | None) -> list[str]:
-        """Kinds at the root, names of parts in one."""
+        """Groups inside one, and names of parts."""
         group = config_path.strip("/")
-        if not group:
-            found, wanted = sorted(self.kinds), ObjectType.GROUP
-        else:
+        found: list[str] = []
+        if results_filter is not ObjectType.CONFIG:
+            inside = (known.removeprefix(group).strip("/") for known in self.groups if known != group)
+            found += [
+                name.partition("/")[0] for name in inside if not group or f"{group}/{name}" in self.groups
+            ]
+        if results_filter is not ObjectType.GROUP and group in self.groups:
             # what help lists: `col3d list optimizers` takes seconds to know them all
-            found, wanted = sorted(KINDS[group].names(everything=False)), ObjectType.CONFIG
-        return found if results_filter in (None, wanted) else []
+            found += GROUPS[group].names(everything=False)
+        return sorted(set(found))
 
     @property
-    def kinds(self) -> tuple[str, ...]:
+    def groups(self) -> tuple[str, ...]:
         """Those that the path names."""
         return tuple(self.path.split(","))
 
-    def _part(self, config_path: str) -> Part | None:
-        kind, _, name = config_path.strip("/").removesuffix(".yaml").partition("/")
-        return KINDS[kind].find(name) if kind in self.kinds else None
+    def _found(self, config_path: str) -> tuple[str, Part | None]:
+        group, _, name = config_path.strip("/").removesuffix(".yaml").rpartition("/")
+        return group, GROUPS[group].find(name) if group in self.groups else None
 
 
 class SearchPath(SearchPathPlugin):
     """Lets a folder `conf` inside a plugin, and registered parts, join the groups of options."""
 
-    offered: ClassVar[list[str]] = []
-    """Kinds of parts."""
+    offered: ClassVar[list[str]] = [*DATASETS.groups]
+    """Groups of options that parts join: of most programs, those of data sets."""
 
     def manipulate_search_path(self, search_path: ConfigSearchPath) -> None:
         """Append them: files of this package go first, those of plugins before what signatures say."""
         for folder in plugins.configurations():
             search_path.append("col3d.plugins", f"file://{folder}")
-        if self.offered:
-            search_path.append("col3d.registry", f"{RegisteredParts.scheme()}://{','.join(self.offered)}")
+        search_path.append("col3d.registry", f"{RegisteredParts.scheme()}://{','.join(self.offered)}")
 
 
 def offer_parts() -> None:
-    """Make every kind of registered parts a group of options."""
-    SearchPath.offered = [kind for kind in KINDS if is_kind(kind)]
+    """Make parts of every kind choices of their groups."""
+    SearchPath.offered = [*GROUPS]
 
 
 def load_plugins(arguments: Sequence[str]) -> list[str]:
@@ -107,12 +114,6 @@ def load_plugins(arguments: Sequence[str]) -> list[str]:
             named = [str(name) for name in value] if isinstance(value, list) else [str(value)]
     plugins.load(named)
     return [f"++{argument}" if argument.startswith(OPTION) else argument for argument in arguments]
-
-
-def _content(part: Part) -> dict[str, Any]:
-    chosen = {group: choice for group, choice in part.chooses.items() if USUAL.get(group) != choice}
-    defaults = [{f"override /{group}": choice} for group, choice in chosen.items()]
-    return {"defaults": defaults, part.kind: KINDS[part.kind].defaults(part)}
 
 
 Plugins.instance().register(RegisteredParts)

@@ -15,7 +15,7 @@ from omegaconf.errors import InterpolationResolutionError
 from col3d.checks import DataError, UserError, nearest_name
 from col3d.cli.files import CONF, is_group, names_in
 from col3d.cli.paths import quoted
-from col3d.registry import KINDS
+from col3d.registry import GROUPS
 
 EXIT_CODE = 2
 MANY = 30
@@ -64,7 +64,7 @@ def _unknown_choice(choice: str, config_name: str) -> str:
     listed = (
         f"known: {', '.join(known)}" if len(known) <= MANY else f"col3d list {group}s has all {len(known)}"
     )
-    of_others = "; one of a plugin needs plugins=[...]" if group in KINDS else ""
+    of_others = "; one of a plugin needs plugins=[...]" if group in GROUPS else ""
     return f"{group}: {name!r} is unknown{nearest_name(name, known)}; {listed}{of_others}"
 
 

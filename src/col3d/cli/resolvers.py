@@ -9,6 +9,7 @@ from omegaconf import DictConfig, ListConfig, OmegaConf
 
 from col3d.checks import UserError
 from col3d.cli.files import CONF, names_in
+from col3d.registry import DATASETS
 
 LONGEST_NAME = 100
 DRAWABLE = 4
@@ -30,7 +31,7 @@ def by_preset(special: Mapping[str, Any], usual: Any, *, _root_: DictConfig) -> 
 
 def size_of(preset: str | None, data: str) -> Any:
     """The size of frames at a preset; where none is named, at the one that the data set is mostly for."""
-    path = CONF / "preset" / f"{preset or ('laptop' if data == 'phantom' else 'paper')}.yaml"
+    path = CONF / "preset" / f"{preset or ('laptop' if DATASETS[data].facts['rendered'] else 'paper')}.yaml"
     if not path.is_file():
         known = names_in("preset")
         raise UserError(f"prepare.preset: expected one of {', '.join(known)}, got {preset!r}")

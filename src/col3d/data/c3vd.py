@@ -9,7 +9,7 @@ References:
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 import torch
@@ -33,16 +33,19 @@ from col3d.data.release import (
 )
 from col3d.data.videos import canonical_name, catalogue
 from col3d.geometry import Camera, OmnidirectionalCamera
+from col3d.registry import register_dataset
 
 MAX_DEPTH = 100.0
 """Depth in mm of the highest code, which also stands for everything beyond."""
 MAX_FLOW = 20.0
 """Motion in pixels of the highest code, likewise."""
+Release = Literal["auto", "current", "pre_2023_05"]
 OCCLUSIONS = ("occlusions/{}_occlusion.tiff", "occlusions/{}_occlusion.png", "occlusion/{}_occlusion.png")
 
 
+@register_dataset("c3vd", split="paper", normals="stored", label="C3VD", table=True, view=octagon_mask)
 class C3VD(FrameSet):
-    """Frames of chosen videos at full resolution, in house units: the keys of a `Batch` without its axis b.
+    """C3VD as downloaded, one folder for each video, at full resolution; see `FrameSet`.
 
     Pixels count where the octagon shows them, the depth code is neither 0 nor 65535 (beyond 100 mm), and,
     with normals, a normal is known. Every file's header and length is checked when the set is built.
@@ -78,7 +81,7 @@ class C3VD(FrameSet):
         self,
         root: str | Path,
         videos: Sequence[str],
-        release: str = "auto",
+        release: Release = "auto",
         normals: str = "stored",
         camera: Camera | None = None,
         truth: bool = True,
@@ -86,7 +89,6 @@ class C3VD(FrameSet):
         check_known("data.release", release, ("auto", *RELEASES))
         self.with_truth = truth
         super().__init__(root, videos, camera or self.lens(), normals)
-        self.releases = {}
         for video in dict.fromkeys(frame.video for frame in self.frames if "depth" in frame.files):
             self.releases[video] = self._release_of([f for f in self.frames if f.video == video], release)
 
@@ -94,6 +96,10 @@ class C3VD(FrameSet):
     def lens() -> Camera:
         """The camera of the data set at the size of its frames."""
         return OmnidirectionalCamera.c3vd()
+
+    def decoding(self) -> dict[str, Any]:
+        """Nothing: which release files follow is known of each video."""
+        return {}
 
     @property
     def calibrated(self) -> Camera:
@@ -224,8 +230,16 @@ class C3VD(FrameSet):
         return release if release != "auto" else RELEASES[0 if padded else 1]
 
 
+@register_dataset(
+    "c3vdv2",
+    normals="stored",
+    label="C3VDv2",
+    table=True,
+    view=octagon_mask,
+    defaults={"release": "current"},
+)
 class C3VDv2(C3VD):
-    """The videos of C3VDv2: another lens; else as `C3VD`."""
+    """C3VDv2, seen by another lens: a folder for each video, in it one for each kind of file."""
 
     data = "c3vdv2"
 

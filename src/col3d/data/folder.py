@@ -77,7 +77,6 @@ class FolderFrames(FrameSet):
         self.decoded_in: set[Path] = set()
         check_root(Path(root))
         super().__init__(root, videos, read_camera(Path(root) / camera_file), normals)
-        self.releases = {}
         seen = self.camera.sees()
         self.view = None if bool(seen.all()) else seen
 
@@ -100,6 +99,10 @@ class FolderFrames(FrameSet):
         if folder is not None and not self._has_images(folder) and (reason := self.why_none(folder)):
             raise DataError(f"{folder}: {reason}")
         return super().find(entry)
+
+    def unreachable(self, video: str) -> str:
+        """Why a video that lies there is not found: it lies too deep."""
+        return too_deep(self.root, video)
 
     def why_none(self, folder: Path) -> str:
         """Why a folder without images is so, where other files or folders tell; else nothing."""

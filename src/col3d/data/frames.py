@@ -79,6 +79,7 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
         if normals == "stored" and "normals" not in self.kinds:
             raise DataError("data.normals: this data set stores none; take derived or none")
         self.frames: list[Frame] = []
+        self.releases = {}
         self.notes: dict[Path, str] = {}
         for entry in videos:
             frames = self.find(entry)
@@ -86,9 +87,9 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
                 self.check(frame)
             self.frames += frames
 
-    def decoding(self) -> dict[str, Any]:
-        """Options that decide what codes in files mean, where users choose them."""
-        return {}
+    def decoding(self) -> dict[str, Any] | None:
+        """Options that decide what codes in files mean, where users choose them; None for all of its own."""
+        return None
 
     @classmethod
     def video_folders(cls, root: Path) -> dict[str, Path]:
@@ -121,6 +122,10 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
 
     def refusal(self, video: str) -> str:
         """Why a video cannot be scored or trained on, whatever its files are; nothing of any other."""
+        return ""
+
+    def unreachable(self, video: str) -> str:
+        """Why a video that lies there is not found; nothing of any other."""
         return ""
 
     def without_frames(self) -> str:

@@ -17,6 +17,7 @@ from torch import Tensor
 from col3d.data.frame_files import Kind
 from col3d.data.frames import Depth, FrameSet, check_root, named
 from col3d.geometry import Camera, PinholeCamera
+from col3d.registry import register_dataset
 
 TIMES, WIDTH, NEAR_MM, NEAR_PIXELS = 3, 21, 4.0, 7.0
 """Of the bilateral filter: it takes normals of a phantom's depth in such steps from 46 degrees off the truth
@@ -28,8 +29,9 @@ DEEPEST = 3
 """Levels below the root at which a video may lie."""
 
 
+@register_dataset("simcol3d", split="simcol3d", label="SimCol3D")
 class SimCol3D(FrameSet):
-    """Frames of chosen videos at 475 x 475, in house units; see `FrameSet`.
+    """SimCol3D at 475 x 475, seen by a pinhole; it has no normals of its own. See `FrameSet`.
 
     A video is a folder of `FrameBuffer_NNNN.png` with `Depth_NNNN.png`, at most three levels below the root:
     `SyntheticColon_I/Frames_S1` is the video `Frames_S1`. Depth code 0 does not count.
@@ -60,7 +62,6 @@ class SimCol3D(FrameSet):
         camera: Camera | None = None,
     ) -> None:
         super().__init__(root, videos, camera or self.lens(), normals)
-        self.releases = {}
 
     @staticmethod
     def lens() -> Camera:

@@ -5,7 +5,7 @@ from typing import Any
 
 import gradio as gr
 
-from col3d.demo.replies import CAMERAS, NOTHING_YET, PINHOLE
+from col3d.demo.replies import NOTHING_YET, PINHOLE, cameras
 from col3d.demo.samples import Sample
 
 HEAD = """# Depth and surface normals in colonoscopy
@@ -48,7 +48,7 @@ def questions(camera: str, pinhole: Sequence[float], offered: Sequence[Sample]) 
             buttons=[],
             elem_id="examples",
         )
-    found["camera"] = gr.Radio(list(CAMERAS.items()), value=camera, label="Camera", elem_id="camera")
+    found["camera"] = gr.Radio(list(cameras().items()), value=camera, label="Camera", elem_id="camera")
     with gr.Row(visible=camera == PINHOLE) as found["numbers"]:
         given = [*pinhole, None, None, None, None][:4]
         found["pinhole"] = [

@@ -25,7 +25,7 @@ def page(
 
     Args:
         network: that predicts.
-        camera: what the page begins with, of the values of `CAMERAS`.
+        camera: what the page begins with, of the values of `cameras()`.
         pinhole: fx, fy, cx, cy to begin with, or nothing.
         offered: images to try.
         folder: for files that the page shows.

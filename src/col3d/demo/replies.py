@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from col3d.app.cameras import CameraOption
+from col3d.app.cameras import CameraOption, lenses
 from col3d.app.foreseen import is_out_of_memory
 from col3d.app.learnt import Learnt
 from col3d.checks import DataError, UserError
@@ -16,15 +16,13 @@ from col3d.demo.points import write_points
 from col3d.demo.uploads import is_video, pictures_in, read_clip, read_photo, read_truth
 
 PINHOLE, UNKNOWN = "pinhole", "unknown"
-CAMERAS = {
-    "C3VD": "c3vd",
-    "C3VDv2": "c3vdv2",
-    "SimCol3D": "simcol3d",
-    "own pinhole": PINHOLE,
-    "unknown": UNKNOWN,
-}
-"""Captions of the choices, and what they stand for."""
 NOTHING_YET = "Choose an image or a short video, or click one of the examples."
+
+
+def cameras() -> dict[str, str]:
+    """Captions of the choices of a camera, and what they stand for."""
+    known = {part.facts["label"]: name for name, part in lenses().items()}
+    return {**known, "own pinhole": PINHOLE, "unknown": UNKNOWN}
 
 
 @dataclass(frozen=True)
@@ -34,7 +32,7 @@ class Question:
     Attributes:
         file: the image or video; None before there is one.
         truth: the file of its true depth, if any.
-        camera: a value of `CAMERAS`.
+        camera: a value of `cameras()`.
         pinhole: fx, fy, cx, cy in pixels; without effect for other cameras.
     """
 

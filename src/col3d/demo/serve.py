@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from col3d import early
+from col3d.app.cameras import lenses
 from col3d.app.config import DemoOptions
 from col3d.app.learnt import learnt
 from col3d.app.machine import quiet
@@ -40,6 +41,9 @@ def serve(given: Mapping[str, Any]) -> None:
     if importlib.util.find_spec("gradio") is None:
         raise UserError("app: needs pip install -e '.[demo]'")
     checkpoint = newest_checkpoint(RUNS) if options.checkpoint is None else Path(options.checkpoint)
+    if isinstance(options.camera, str) and options.camera not in lenses():
+        known = ", ".join(lenses())
+        raise UserError(f"camera: expected {known}, [fx,fy,cx,cy] or none, got {options.camera!r}")
     network = learnt(checkpoint, options.published, options.max_depth, options.size)
     network.place("auto")
     os.environ.update(SILENT)  # before Gradio is imported
