@@ -184,6 +184,6 @@ def test_the_scene_is_what_it_says() -> None:
     assert torch.allclose(length, batch["mask"].float(), atol=1e-6)
     points = batch["depth"] / batch["rays"][:, 2:] * batch["rays"]
     offset = (points * batch["normals"]).sum(dim=1, keepdim=True)
-    for wall, distance in zip(offset, (-30.0, -40.0), strict=True):
-        known = wall[batch["mask"][0]]
+    for wall, mask, distance in zip(offset, batch["mask"], (-30.0, -40.0), strict=True):
+        known = wall[mask]
         assert torch.allclose(known, torch.full_like(known, distance), atol=1e-3)
