@@ -9,11 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from hydra import initialize_config_dir
 
 from benchmarks.faults.injector import Injector
 from benchmarks.faults.trial import OPTIONS
-from col3d.cli.files import CONF
 from col3d.cli.program import composed
 
 MINE = "precious"
@@ -123,8 +121,7 @@ READ: dict[str, Callable[[Path], bytes]] = {".ckpt": _weights, ".json": _facts, 
 
 
 def _composed(config: str, *overrides: str) -> dict[str, Any]:
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        return composed(config, list(overrides))
+    return composed(config, overrides)
 
 
 def _train(place: Path, run: str = "run") -> dict[str, Any]:

@@ -3,7 +3,7 @@ from typing import Any, get_args
 
 import pytest
 from omegaconf.errors import InterpolationResolutionError
-from tiny_run import CONF, composed
+from tiny_run import composed
 
 from col3d.app.config import (
     EvaluateOptions,
@@ -12,6 +12,7 @@ from col3d.app.config import (
 )
 from col3d.app.scored import Scored
 from col3d.checks import UserError
+from col3d.cli.files import CONF
 from col3d.data.datasets import LayoutOptions
 from col3d.data.options import AugmentOptions
 from col3d.data.splits import paper_split
@@ -241,7 +242,7 @@ def test_a_phantom_is_called_after_what_it_draws(randomise: str, ending: str) ->
     ("overrides", "message"),
     [
         (("data.randomise=[colour]",), "expected 'anatomy', 'tissue', 'light' or 'sensor', got 'colour'"),
-        (("data=c3vd", "data.root=x", "+data.randomise=true"), r"data\.randomise: belongs to data=phantom"),
+        (("data=c3vd", "data.root=x", "+data.randomise=true"), r"data\.randomise: no such option"),
     ],
 )
 def test_what_cannot_be_drawn_is_refused(overrides: tuple[str, ...], message: str) -> None:

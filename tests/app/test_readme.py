@@ -68,6 +68,14 @@ def test_every_line_is_a_command_of_ours() -> None:
             assert CALL.match(line) or line == "source .venv/bin/activate", line
 
 
+@pytest.mark.parametrize("command", [c for c in WORDS if "plugins=[mylab]" not in c], ids=" ".join)
+def test_words_are_understood(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    if command[1] == "report":
+        return  # its arguments are folders of runs; `test_benchmark.py` writes one
+    assert main(command[1:]) == 0
+    assert capsys.readouterr().out
+
+
 def test_every_command_is_one_of_ours() -> None:
     assert all(importlib.util.find_spec(command[2]) for command in MODULES)
     named = [argument for command in MODULES for argument in command if argument.endswith(".py")]
@@ -106,7 +114,8 @@ def test_training_commands_run(command: list[str], phantom_root: Path, tmp_path:
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if PYTHON[page]], ids=lambda page: page.stem)
-def test_python_works_as_shown(page: Path) -> None:
+def test_python_works_as_shown(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
     lines = [line for block in PYTHON[page] for line in block.splitlines() if "/path/to" not in line]
     names: dict[str, Any] = {}
     exec("\n".join(lines), names)

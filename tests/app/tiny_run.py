@@ -8,12 +8,8 @@ from typing import Any
 import onnx
 import pytest
 import torch
-from hydra import compose, initialize_config_dir
-from omegaconf import OmegaConf
 
-from col3d.cli.files import CONF
-from col3d.cli.parts import offer_parts
-from col3d.cli.program import PLUGINS, SCRATCH  # and the resolvers of the configuration
+from col3d.cli import program
 
 TINY = (
     "preset=smoke",
@@ -34,13 +30,8 @@ SMALL = "model.encoder=lcnet_035"
 
 
 def composed(config_name: str, *overrides: str) -> dict[str, Any]:
-    """The configuration as the entry points hand it on."""
-    offer_parts()
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        config = compose(config_name, list(overrides))
-    content = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
-    assert isinstance(content, dict)
-    return {str(key): value for key, value in content.items() if key not in (SCRATCH, PLUGINS)}
+    """The configuration as the programs hand it on."""
+    return program.composed(config_name, overrides)
 
 
 def real_frames(folder: str) -> Path:

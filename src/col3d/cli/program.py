@@ -4,12 +4,13 @@ import io
 import os
 import sys
 from collections.abc import Callable, Sequence
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
-from hydra import compose
+from hydra import compose, initialize_config_dir
 from hydra import main as hydra_main
+from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
 from hydra.types import RunMode
@@ -96,13 +97,25 @@ def launch(config_name: str, run: Run, words: Sequence[str]) -> None:
         sys.exit(INTERRUPTED)
 
 
-def composed(config_name: str, overrides: Sequence[str]) -> dict[str, Any]:
-    """A configuration as plain values, inside a program that `launch` runs."""
-    content = OmegaConf.to_container(
-        compose(config_name, list(overrides)), resolve=True, throw_on_missing=True
-    )
+def composed(program: str, overrides: Sequence[str] = ()) -> dict[str, Any]:
+    """The options of a program as plain values, as its command line gives them: for use from Python.
+
+    Args:
+        program: such as "train".
+        overrides: such as "model=bts"; "plugins=[mylab]" imports that package. A training needs
+            "output_dir=FOLDER".
+
+    >>> composed("train", ["model=bts", "output_dir=runs/one"])["model"]["name"]
+    'bts'
+    """
+    given = load_plugins([word for override in overrides for word in as_groups(override)])
+    offer_parts()
+    inside = GlobalHydra.instance().is_initialized()
+    with nullcontext() if inside else initialize_config_dir(str(CONF), version_base="1.3"):
+        config = compose(program, given)
+    content = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
     assert isinstance(content, dict)
-    return _plain(content, config_name)
+    return _plain(content, program)
 
 
 def _plain(content: dict[Any, Any], config_name: str) -> dict[str, Any]:
