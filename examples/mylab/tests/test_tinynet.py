@@ -1,0 +1,9 @@
+"""col3d's laws of networks."""
+
+from mylab.tinynet import TinyNet
+
+from col3d.testing import check_network
+
+
+def test_tinynet() -> None:
+    check_network(TinyNet)
