@@ -112,7 +112,9 @@ def fill(built: SupervisedTask, content: Mapping[str, Any], checkpoint: Path) ->
         UserError: its tensors are not finite, or not those of the task.
     """
     try:
+        content = {**content, "state_dict": dict(content["state_dict"])}
         check_finite(content["state_dict"])
+        built.take_depth_seen(content)
         check_fractions(content["state_dict"], built.state_dict())
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise UserError(f"checkpoint: {checkpoint}: {' '.join(str(error).split())}") from None

@@ -17,6 +17,8 @@ from col3d.tasks.mirror import mirror_average
 
 EPOCH = "epoch_so_far"
 """Where a checkpoint keeps the sums of an epoch that is under way."""
+DEPTH_SEEN = "depth_seen"
+"""Where a checkpoint keeps the sum of the training depths in mm and their number; among its weights before."""
 
 
 class Scored(TypedDict):
@@ -45,9 +47,9 @@ class SupervisedTask(LightningModule):
     """
 
     depth_seen: Tensor
-    """Sum of the training depths in mm, and their number."""
+    """Sum of the training depths in mm, and their number. No buffer: averages of weights take buffers in."""
     _seen: Tensor
-    """The same of the epoch that is under way; a buffer would be overwritten by the first process."""
+    """The same of the epoch that is under way."""
 
     def __init__(
         self,
@@ -73,7 +75,7 @@ class SupervisedTask(LightningModule):
         self.val_losses: dict[str, MeanMetric] = nn.ModuleDict(means)  # type: ignore[assignment]
         self.last_terms: dict[str, Tensor] = {}
         self.totals = EpochTotals()
-        self.register_buffer("depth_seen", torch.zeros(2, dtype=torch.float64))
+        self.depth_seen = torch.zeros(2, dtype=torch.float64)
 
     def forward(self, batch: Batch) -> Prediction:
         """The network's prediction for the frames of a batch."""
@@ -110,7 +112,7 @@ class SupervisedTask(LightningModule):
     def on_train_epoch_start(self) -> None:
         """Begin the means, and that of the depth."""
         self.totals.reset()
-        self._seen = torch.zeros_like(self.depth_seen)
+        self._seen = torch.zeros_like(self.depth_seen, device=self.device)
 
     def on_train_batch_start(self, batch: Batch, batch_idx: int) -> None:
         """Seed each step: Lightning's loader draws too, in a training that goes on at another moment."""
@@ -120,10 +122,11 @@ class SupervisedTask(LightningModule):
     def on_train_epoch_end(self) -> None:
         """Keep the mean training depth, over all processes."""
         if self.current_epoch == 0:
-            self.depth_seen.copy_(self._sum(self._seen))
+            self.depth_seen = self._sum(self._seen).cpu()
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Keep the sums of the epoch that is under way, over all processes."""
+        """Keep the mean training depth, and the sums of the epoch that is under way, over all processes."""
+        checkpoint[DEPTH_SEEN] = self.depth_seen.clone()
         checkpoint[EPOCH] = {
             "totals": self.totals.state(self._sum),
             "depth_seen": self._sum(self._seen).cpu(),
@@ -131,9 +134,22 @@ class SupervisedTask(LightningModule):
 
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Go on with them."""
+        self.take_depth_seen(checkpoint)
         kept, first = checkpoint[EPOCH], self.global_rank == 0
         self.totals.load(kept["totals"], first, self.device)
         self._seen = kept["depth_seen"].to(self.device) * first
+
+    def take_depth_seen(self, checkpoint: dict[str, Any]) -> None:
+        """Take the mean training depth of a checkpoint, and out of its weights where an earlier version has it.
+
+        Raises:
+            ValueError: it is no pair of numbers.
+        """
+        early = checkpoint["state_dict"].pop(DEPTH_SEEN, None)
+        kept = checkpoint.get(DEPTH_SEEN, early)
+        if not (isinstance(kept, Tensor) and kept.shape == (2,) and bool(kept.isfinite().all())):
+            raise ValueError(f"{DEPTH_SEEN} must be a sum and a number, got {kept!r}")
+        self.depth_seen = kept.double().cpu()
 
     def _sum(self, values: Tensor) -> Tensor:
         """Over all processes."""
@@ -176,7 +192,7 @@ class SupervisedTask(LightningModule):
     def mean_depth(self) -> Tensor | None:
         """The mean depth of the training frames in mm; None before any training."""
         total, pixels = self.depth_seen
-        return (total / pixels).float() if pixels > 0 else None
+        return (total / pixels).float().to(self.device) if pixels > 0 else None
 
     def _tested(self, batch: Batch) -> Prediction:
         if self.mirror is None:
