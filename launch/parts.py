@@ -53,11 +53,12 @@ def load_plugins(arguments: Sequence[str]) -> list[str]:
 
 def store_parts() -> None:
     """Put every registered part into Hydra's store of configurations; files of the same name go first."""
-    from col3d import optimizers
+    from col3d import optimizers, schedulers
     from col3d.models import options as models
-    from col3d.registry import MODELS, OPTIMIZERS
+    from col3d.registry import MODELS, OPTIMIZERS, SCHEDULERS
 
-    for registry, node in ((MODELS, models.node), (OPTIMIZERS, optimizers.node)):
+    nodes = ((MODELS, models.node), (OPTIMIZERS, optimizers.node), (SCHEDULERS, schedulers.node))
+    for registry, node in nodes:
         for part in map(registry.__getitem__, registry.names()):
             if _stored.get((part.kind, part.name)) is not part:
                 _store(part, node(part))

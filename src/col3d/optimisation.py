@@ -1,6 +1,7 @@
 """Which parameters learn how, and learning rates over the steps of a training."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 from torch import nn
@@ -8,8 +9,22 @@ from torch.optim import Optimizer
 from torch.optim.lr_scheduler import LambdaLR, LRScheduler
 
 OptimizerFactory = Callable[[nn.Module], Optimizer]
-SchedulerFactory = Callable[[Optimizer, int, int], LRScheduler]
-"""(optimiser, steps of the whole training, epochs) -> schedule, stepped each batch."""
+SchedulerFactory = Callable[[Optimizer, int, int], LRScheduler | None]
+"""(optimiser, steps of the schedule over the training, epochs) -> schedule; None for a constant rate."""
+
+
+@dataclass(frozen=True)
+class TrainingLength:
+    """How long a training is.
+
+    Attributes:
+        steps: of the schedule over the whole training: of the optimiser, or epochs where it is stepped after
+            those.
+        epochs: of the training.
+    """
+
+    steps: int
+    epochs: int
 
 
 def parameter_groups(

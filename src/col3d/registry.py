@@ -1,4 +1,4 @@
-"""The one door for parts of an experiment: networks, losses and optimisers by name.
+"""The one door for parts of an experiment: networks, losses, optimisers, schedules and more by name.
 
 The signature is the schema: its parameters are the options, its defaults the only defaults.
 """
@@ -26,7 +26,7 @@ class Part:
     """What a name stands for.
 
     Attributes:
-        kind: "model", "loss" or "optimizer".
+        kind: a key of `KINDS`, such as "model".
         name: on the command line.
         build: a class or a function; its keyword parameters are the options.
         supplied: parameters that the program gives.
@@ -157,7 +157,15 @@ OPTIMIZERS = Registry(
         "momentum": Field(ge=0, lt=1),
     },
 )
-KINDS = {registry.kind: registry for registry in (MODELS, LOSSES, OPTIMIZERS)}
+COUNTS = ("total_steps", "total_iters", "T_max")
+"""Parameters of schedules that are as long as the training unless they are given."""
+SCHEDULERS = Registry(
+    "scheduler",
+    "col3d.schedulers",
+    "scheduler.name",
+    supplied=("optimizer", "training", "last_epoch", *COUNTS),
+)
+KINDS = {registry.kind: registry for registry in (MODELS, LOSSES, OPTIMIZERS, SCHEDULERS)}
 
 
 def register_model(
@@ -217,6 +225,18 @@ def register_optimizer(
         defaults: of options, where they differ from the signature's.
     """
     return OPTIMIZERS.register(name, build, defaults=dict(defaults))
+
+
+def register_scheduler(name: str, build: Built | None = None, *, interval: str = "epoch") -> Any:
+    """Register a schedule of the learning rate: a function or class (optimizer, options) -> `LRScheduler`.
+
+    Args:
+        name: for `scheduler=NAME`.
+        build: the function or class. A parameter `training` is given the length of the training, a
+            `TrainingLength`; `total_steps`, `total_iters` and `T_max` are that length unless given.
+        interval: what it is stepped after unless `scheduler.interval` says otherwise, "step" or "epoch".
+    """
+    return SCHEDULERS.register(name, build, interval=interval)
 
 
 def available(kind: str) -> list[str]:

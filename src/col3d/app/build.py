@@ -8,15 +8,7 @@ from typing import Any
 
 from torch import nn
 
-from col3d.app.config import (
-    AdversarialOptions,
-    ConstantOptions,
-    PolynomialOptions,
-    ProtocolOptions,
-    SchedulerOptions,
-    StepOptions,
-    TrainOptions,
-)
+from col3d.app.config import AdversarialOptions, ProtocolOptions, TrainOptions
 from col3d.checks import OptionError, UserError
 from col3d.layers.freeze import freeze
 from col3d.layers.patch_gan import PatchGAN
@@ -25,13 +17,9 @@ from col3d.losses import WeightedLoss
 from col3d.metrics import Protocol
 from col3d.models import create
 from col3d.models.options import ModelOptions
-from col3d.optimisation import (
-    SchedulerFactory,
-    polynomial_decay,
-    step_decay,
-)
 from col3d.optimizers import optimizer_of
 from col3d.registry import MODELS
+from col3d.schedulers import interval_of, scheduler_of
 from col3d.tasks import AdversarialTask, SupervisedTask
 
 
@@ -73,8 +61,10 @@ def task(options: TrainOptions) -> SupervisedTask:
         network(options.model, (height, width)),
         WeightedLoss(options.loss.lambdas, options.loss.terms, options.model.max_depth),
         optimizer_of(options.optimizer),
-        scheduler(options.scheduler),
+        scheduler_of(options.scheduler),
         options.model_dump(mode="json"),
+        interval=interval_of(options.scheduler),
+        monitor=getattr(options.scheduler, "monitor", None),
         protocol=protocol(*options.one_protocol),
         mirror=options.one_protocol[1].mirror,
         seed=options.seed,
@@ -85,21 +75,6 @@ def protocol(name: str, options: ProtocolOptions) -> Protocol:
     """What predictions are scored by."""
     low, high = options.truth_range
     return Protocol(name, options.scaling, (low, high), options.cosine_epsilon, options.normal_axes)
-
-
-def scheduler(options: SchedulerOptions) -> SchedulerFactory | None:
-    """(optimiser, steps, epochs) -> schedule, or None for a constant rate."""
-    match options:
-        case ConstantOptions():
-            return None
-        case PolynomialOptions():
-            return lambda optimizer, steps, epochs: polynomial_decay(
-                optimizer, steps, options.power, options.final_ratio, options.hold
-            )
-        case StepOptions():
-            return lambda optimizer, steps, epochs: step_decay(
-                optimizer, options.epochs * steps // epochs, options.factor
-            )
 
 
 def fill(built: SupervisedTask, content: Mapping[str, Any], checkpoint: Path) -> int:

@@ -12,12 +12,15 @@ from pydantic import (
     SerializeAsAny,
     model_validator,
 )
+from torch.nn import Linear
 
+from col3d.checks import check_known
 from col3d.losses.options import LossOptions, Weight
 from col3d.models.options import ModelOptions, model_options
-from col3d.optimizers import OptimizerOptions, optimizer_options
+from col3d.optimizers import OptimizerOptions, optimizer_of, optimizer_options
 from col3d.registry import MODELS
 from col3d.reports.per_frame import DEPTH_METRICS, NORMAL_METRICS
+from col3d.schedulers import PlateauOptions, SchedulerOptions, scheduler_options, try_schedule
 from col3d.schema import NoneWord, Options
 
 Split = Literal["train", "val", "test"]
@@ -33,6 +36,7 @@ ByName = Field(discriminator="name")
 Model = Annotated[SerializeAsAny[ModelOptions], PlainValidator(model_options)]
 """A registered network's options: which there are is told by its name."""
 TheOptimizer = Annotated[SerializeAsAny[OptimizerOptions], PlainValidator(optimizer_options)]
+TheScheduler = Annotated[SerializeAsAny[SchedulerOptions], PlainValidator(scheduler_options)]
 """Likewise."""
 
 
@@ -153,30 +157,6 @@ class DataOptions(SourceOptions):
         return self.test or self
 
 
-class ConstantOptions(Options):
-    """One learning rate throughout."""
-
-    name: Literal["constant"]
-
-
-class PolynomialOptions(Options):
-    """`hold` is the share of the steps before the learning rate begins to fall."""
-
-    name: Literal["polynomial"]
-    power: PositiveFloat
-    final_ratio: Probability
-    hold: Annotated[float, Field(ge=0, lt=1)]
-
-
-class StepOptions(Options):
-    """The learning rate times `factor` after every `epochs`."""
-
-    name: Literal["step"]
-    epochs: PositiveInt
-    factor: Annotated[float, Field(gt=0, le=1)]
-
-
-SchedulerOptions = ConstantOptions | PolynomialOptions | StepOptions
 TaskOptions = SupervisedOptions | AdversarialOptions
 
 
@@ -265,7 +245,7 @@ class TrainOptions(Options):
     data: DataOptions
     phantom: PhantomOptions
     optimizer: TheOptimizer
-    scheduler: Annotated[SchedulerOptions, ByName]
+    scheduler: TheScheduler
     trainer: TrainerOptions
     callbacks: CallbackOptions
     logger: LoggerOptions
@@ -312,6 +292,7 @@ class TrainOptions(Options):
                 f"objective: {', '.join(unknown)} is not measured with model={model.name}; there are "
                 f"{', '.join(measured)}"
             )
+        self._schedule_fits(measured)
         if not any(loss.lambdas):
             raise ValueError(f"loss.lambdas: at least one weight must be above 0, got {loss.lambdas}")
         if loss.learning_from("normals") and self.data.normals == "none":
@@ -322,6 +303,14 @@ class TrainOptions(Options):
     def one_protocol(self) -> tuple[str, ProtocolOptions]:
         """The protocol that the training scores under, and its name."""
         return next(iter(self.protocol.items()))
+
+    def _schedule_fits(self, measured: list[str]) -> None:
+        """Torch's rules for the schedule beside this optimiser, and what it watches."""
+        try_schedule(self.scheduler, optimizer_of(self.optimizer)(Linear(1, 1)), self.trainer.max_epochs)
+        if isinstance(self.scheduler, PlateauOptions):
+            check_known("scheduler.monitor", self.scheduler.monitor, measured)
+            if self.task.name == "adversarial":
+                raise ValueError(f"scheduler: {self.scheduler.name} is not for task=adversarial")
 
     def _adversarial_fits(self) -> None:
         given = self.trainer

@@ -22,6 +22,7 @@ from col3d.reports.jobs import RESULT, STATUS, TRAINING, read_plain
 from col3d.reports.predictions import INDEX, owned_predictions
 from col3d.reports.run_page import PAGE
 from col3d.reports.summary import write_json
+from col3d.schedulers import is_of_length
 from col3d.whole import write_whole
 
 CONFIG = "config.yaml"
@@ -166,7 +167,7 @@ class RunFolder:
     def _lengthened(self, before: dict[str, Any]) -> list[str]:
         """What still differs where a run of fewer epochs is to have more; notes that it goes on."""
         had, asked = before["trainer"]["max_epochs"], self.options.trainer.max_epochs
-        if not isinstance(had, int) or asked < had:
+        if not isinstance(had, int) or asked < had or is_of_length(self.options.scheduler):
             return [EPOCHS]
         self.longer = f", for {asked} epochs instead of {had}"
         if self.options.scheduler.name != "constant":

@@ -7,9 +7,11 @@ from typing import Any, TypedDict
 import torch
 from lightning import LightningModule
 from torch import Tensor, nn
+from torch.optim.lr_scheduler import LRScheduler, OneCycleLR, ReduceLROnPlateau
 from torchmetrics import MeanMetric
 
 from col3d.batch import Batch, Prediction, normals_mask
+from col3d.checks import UserError
 from col3d.metrics import DepthMetrics, FrameMean, NormalMetrics, Protocol
 from col3d.optimisation import OptimizerFactory, SchedulerFactory
 from col3d.tasks.epoch_totals import EpochTotals
@@ -18,7 +20,7 @@ from col3d.tasks.mirror import mirror_average
 EPOCH = "epoch_so_far"
 """Where a checkpoint keeps the sums of an epoch that is under way."""
 DEPTH_SEEN = "depth_seen"
-"""Where a checkpoint keeps the sum of the training depths in mm and their number; among its weights before."""
+"""Where a checkpoint keeps the sum of the training depths in mm and their number."""
 
 
 class Scored(TypedDict):
@@ -38,7 +40,9 @@ class SupervisedTask(LightningModule):
         network: (image, rays) -> `Prediction`.
         loss: (prediction, batch, epoch) -> terms by name and `total`; None where nothing is trained.
         optimizer: network -> optimiser.
-        scheduler: (optimiser, steps, epochs of the training) -> learning-rate schedule, stepped each batch.
+        scheduler: (optimiser, steps of the schedule, epochs of the training) -> learning-rate schedule.
+        interval: what the schedule is stepped after, "step" or "epoch".
+        monitor: the metric that a schedule watches which watches one.
         options: plain options that built all this, kept in the checkpoint.
         protocol: how a test scores; the house's when absent.
         mirror: how a test averages the prediction with that of the mirrored frame: "mean", "ramp" or None.
@@ -61,11 +65,14 @@ class SupervisedTask(LightningModule):
         protocol: Protocol | None = None,
         mirror: str | None = None,
         seed: int = 0,
+        interval: str = "step",
+        monitor: str | None = None,
     ) -> None:
         super().__init__()
         self.save_hyperparameters({"options": dict(options or {})}, logger=False)
         self.network, self.loss = network, loss
         self.optimizer, self.scheduler = optimizer, scheduler
+        self.interval, self.monitor = interval, monitor
         self.protocol, self.mirror, self.seed = protocol or Protocol(), mirror, seed
         self.val_metrics: dict[str, FrameMean] = nn.ModuleDict({"depth": DepthMetrics()})  # type: ignore[assignment]
         if "normals" in getattr(network, "tasks", ()):
@@ -120,9 +127,10 @@ class SupervisedTask(LightningModule):
         torch.manual_seed(zlib.crc32(place.encode()))
 
     def on_train_epoch_end(self) -> None:
-        """Keep the mean training depth, over all processes."""
+        """Keep the mean training depth, over all processes, and let schedules see what was measured."""
         if self.current_epoch == 0:
             self.depth_seen = self._sum(self._seen).cpu()
+        self._watch()
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Keep the mean training depth, and the sums of the epoch that is under way, over all processes."""
@@ -140,7 +148,7 @@ class SupervisedTask(LightningModule):
         self._seen = kept["depth_seen"].to(self.device) * first
 
     def take_depth_seen(self, checkpoint: dict[str, Any]) -> None:
-        """Take the mean training depth of a checkpoint, and out of its weights where an earlier version has it.
+        """Take the mean training depth of a checkpoint; those of before have it among their weights.
 
         Raises:
             ValueError: it is no pair of numbers.
@@ -211,8 +219,43 @@ class SupervisedTask(LightningModule):
         if self.scheduler is None:
             return {"optimizer": built}
         epochs = self.trainer.max_epochs or 1
-        schedule = self.scheduler(built, int(self.trainer.estimated_stepping_batches), epochs)
-        return {"optimizer": built, "lr_scheduler": {"scheduler": schedule, "interval": "step"}}
+        per_step = self.interval == "step"
+        steps = int(self.trainer.estimated_stepping_batches) if per_step else epochs
+        schedule = self.scheduler(built, steps, epochs)
+        if schedule is None:
+            return {"optimizer": built}
+        _check_length(schedule, steps)
+        watched = {} if self.monitor is None else {"monitor": self.monitor, "strict": False}
+        how = {"scheduler": schedule, "interval": self.interval, **watched}
+        return {"optimizer": built, "lr_scheduler": how}
+
+    def lr_scheduler_step(self, scheduler: Any, metric: Any | None) -> None:
+        """Step a schedule; one that watches a metric is stepped before the epoch is saved, by `_watch`."""
+        if not isinstance(scheduler, ReduceLROnPlateau):
+            scheduler.step()
+
+    def _watch(self) -> None:
+        """Step schedules that watch a metric, after epochs that are validated.
+
+        Lightning would step them after it has saved the epoch, and a training that goes on never.
+        """
+        validated = (self.current_epoch + 1) % (self.trainer.check_val_every_n_epoch or 1) == 0
+        for config in self.trainer.lr_scheduler_configs:
+            if validated and isinstance(config.scheduler, ReduceLROnPlateau):
+                config.scheduler.step(self.trainer.callback_metrics[str(self.monitor)])
+
+
+def _check_length(schedule: LRScheduler, steps: int) -> None:
+    """Refuse a schedule that ends before the training does, which torch says in its middle.
+
+    Raises:
+        UserError: names the option.
+    """
+    if isinstance(schedule, OneCycleLR) and schedule.total_steps < steps:
+        raise UserError(
+            f"scheduler.total_steps: expected at least the {steps} of this training, got "
+            f"{schedule.total_steps}; left out, it is as long as the training"
+        )
 
 
 def _named(losses: Mapping[str, Tensor]) -> dict[str, Tensor]:
