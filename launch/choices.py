@@ -8,6 +8,9 @@ from launch.refusals import refuse
 
 TAKE_A_WORD = ("--config-dir", "-cd", "--config-path", "-cp", "--config-name", "-cn", "--package", "-p")
 """Hydra's own options after which a word follows."""
+OPEN = ("loss.terms.", "callbacks.more.")
+ENTRY = re.compile(r"callbacks\.more\.[^.=]+=(?!null$)[^{\[=]+")
+"""An entry by the name of its callback alone, whose options may be said, too."""
 MAY_BE_NULL = [(group, "null") for group in ("experiment", "variant", "data")]
 
 
@@ -36,8 +39,8 @@ def _overrides(arguments: list[str]) -> list[str]:
 def as_groups(argument: str) -> list[str]:
     """How Hydra wants said what its grammar has other words for: `data.test=simcol3d`, a term of a loss."""
     option, _, value = argument.partition("=")
-    if option.startswith("loss.terms."):  # of a mapping that is open to more
-        return [f"++{argument}"]
+    if option.startswith(OPEN):  # mappings that are open to more
+        return [f"++{option}.callback={value}" if ENTRY.fullmatch(argument) else f"++{argument}"]
     names = value.strip("[]").split(",")
     if option == "data.split" and (CONF / "data/split" / f"{value}.yaml").is_file():
         return [f"data/split={value}"]

@@ -73,6 +73,10 @@ class Registry:
         option: where a name of one is given, as messages say it.
         supplied: parameters that the program gives to every part that has them.
         rules: pydantic's `Field` for parameters that every part means alike, by name.
+
+    Attributes:
+        parts: by name.
+        refused: names of what other libraries have and does not serve here, with what to do instead.
     """
 
     kind: str
@@ -81,6 +85,7 @@ class Registry:
     supplied: tuple[str, ...] = ()
     rules: Mapping[str, Any] = field(default_factory=dict)
     parts: dict[str, Part] = field(default_factory=dict)
+    refused: dict[str, str] = field(default_factory=dict)
 
     def register(
         self,
@@ -122,6 +127,8 @@ class Registry:
             OptionError: nothing has that name; the nearest that is there is named.
         """
         self.load()
+        if name in self.refused and name not in self.parts:
+            raise OptionError(f"{self.option}: {name} is not offered: {self.refused[name]}")
         if name not in self.parts:
             raise OptionError(
                 f"{self.option}: {name!r} is unknown{nearest_name(str(name), self.parts)}; known: "
@@ -165,7 +172,8 @@ SCHEDULERS = Registry(
     "scheduler.name",
     supplied=("optimizer", "training", "last_epoch", *COUNTS),
 )
-KINDS = {registry.kind: registry for registry in (MODELS, LOSSES, OPTIMIZERS, SCHEDULERS)}
+CALLBACKS = Registry("callback", "col3d.callbacks.named", "callbacks.more")
+KINDS = {registry.kind: registry for registry in (MODELS, LOSSES, OPTIMIZERS, SCHEDULERS, CALLBACKS)}
 
 
 def register_model(
@@ -237,6 +245,16 @@ def register_scheduler(name: str, build: Built | None = None, *, interval: str =
         interval: what it is stepped after unless `scheduler.interval` says otherwise, "step" or "epoch".
     """
     return SCHEDULERS.register(name, build, interval=interval)
+
+
+def register_callback(name: str, build: Built | None = None) -> Any:
+    """Register a callback of Lightning's Trainer.
+
+    Args:
+        name: for `callbacks.more.ENTRY=NAME`.
+        build: the class. What it has to remember in a training that goes on, it gives in `state_dict`.
+    """
+    return CALLBACKS.register(name, build)
 
 
 def available(kind: str) -> list[str]:

@@ -14,11 +14,12 @@ from pydantic import (
 )
 from torch.nn import Linear
 
+from col3d.callback_options import Entries
 from col3d.checks import check_known
 from col3d.losses.options import LossOptions, Weight
 from col3d.models.options import ModelOptions, model_options
 from col3d.optimizers import OptimizerOptions, optimizer_of, optimizer_options
-from col3d.registry import MODELS
+from col3d.registry import CALLBACKS, MODELS
 from col3d.reports.per_frame import DEPTH_METRICS, NORMAL_METRICS
 from col3d.schedulers import PlateauOptions, SchedulerOptions, scheduler_options, try_schedule
 from col3d.schema import NoneWord, Options
@@ -176,11 +177,12 @@ class TrainerOptions(Options):
 
 
 class CallbackOptions(Options):
-    """What is written beside the metrics."""
+    """What is written beside the metrics, and callbacks that join the training."""
 
     panels: Annotated[int, Field(ge=0)]
     predictions: bool
     checkpoint_minutes: Weight
+    more: Entries = Field(default_factory=dict)
 
 
 class LoggerOptions(Options):
@@ -293,6 +295,7 @@ class TrainOptions(Options):
                 f"{', '.join(measured)}"
             )
         self._schedule_fits(measured)
+        self._callbacks_fit(measured)
         if not any(loss.lambdas):
             raise ValueError(f"loss.lambdas: at least one weight must be above 0, got {loss.lambdas}")
         if loss.learning_from("normals") and self.data.normals == "none":
@@ -303,6 +306,14 @@ class TrainOptions(Options):
     def one_protocol(self) -> tuple[str, ProtocolOptions]:
         """The protocol that the training scores under, and its name."""
         return next(iter(self.protocol.items()))
+
+    def _callbacks_fit(self, measured: list[str]) -> None:
+        """What callbacks of Lightning watch is measured."""
+        logged = [f"train/{name}" for name in ("loss", *(f"loss_{term}" for term in self.loss.terms), "lr")]
+        for name, entry in self.callbacks.more.items():
+            monitor = getattr(entry, "monitor", None)
+            if isinstance(monitor, str) and CALLBACKS[entry.callback].package == "lightning":
+                check_known(f"callbacks.more.{name}.monitor", monitor, [*measured, *logged])
 
     def _schedule_fits(self, measured: list[str]) -> None:
         """Torch's rules for the schedule beside this optimiser, and what it watches."""

@@ -8,7 +8,7 @@ from typing import Any
 import torch
 from lightning import Callback, Trainer
 from lightning.fabric.plugins.environments import SLURMEnvironment
-from lightning.pytorch.callbacks import Checkpoint
+from lightning.pytorch.callbacks import Checkpoint, ModelSummary
 from lightning.pytorch.loggers import Logger
 
 from col3d.app.checkpoints import CheckpointFiles
@@ -61,7 +61,7 @@ def make_trainer(
         use_distributed_sampler=False,
         log_every_n_steps=1,
         num_sanity_val_steps=0,
-        enable_model_summary=False,
+        enable_model_summary=any(isinstance(callback, ModelSummary) for callback in callbacks),
         enable_progress_bar=sys.stdout.isatty(),
         enable_checkpointing=any(isinstance(callback, Checkpoint) for callback in callbacks),
     )

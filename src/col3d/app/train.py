@@ -29,6 +29,7 @@ from col3d.app.scored import Scored
 from col3d.app.starts import this_start
 from col3d.app.tracking import wandb_run
 from col3d.app.truth_check import check_truth
+from col3d.callback_options import callbacks_of
 from col3d.callbacks import (
     About,
     BestCheckpoint,
@@ -38,6 +39,7 @@ from col3d.callbacks import (
     Stopped,
     StopSignals,
 )
+from col3d.callbacks.named import StoppedEarly
 from col3d.checks import UserError
 from col3d.data.datamodule import FrameDataModule
 from col3d.losses import WeightedLoss
@@ -157,7 +159,7 @@ def _fit_and_test(
     about = About({"run": folder.starts.run, **provenance(), **data.about(), "split": split})
     trainer = make_trainer(
         options.trainer,
-        [about, rows, best, last, *watchers, *results.callbacks, *kept],
+        [*joining(options), about, rows, best, last, *watchers, *results.callbacks, *kept],
         loggers,
         adversarial=options.task.name == "adversarial",
     )
@@ -180,6 +182,12 @@ def _fit_and_test(
     shown = decorate(folder, results, summary, task, others)
     if is_first():
         results.show(shown, best.path)
+
+
+def joining(options: TrainOptions) -> list[Callback]:
+    """The callbacks that options name; they come before those that save."""
+    named: list[Callback] = callbacks_of(options.callbacks.more)
+    return [*named, StoppedEarly()] if named else []
 
 
 def _smaller(options: TrainOptions) -> str:
