@@ -8,6 +8,10 @@ from launch.refusals import refuse
 
 TAKE_A_WORD = ("--config-dir", "-cd", "--config-path", "-cp", "--config-name", "-cn", "--package", "-p")
 """Hydra's own options after which a word follows."""
+SEVERAL = ("protocol", "logger")
+"""Groups of which several may be chosen."""
+BEFORE = {f"logger.{option}": f"logger.wandb.{option}" for option in ("project", "offline")}
+"""What options were called while there was one logger alone."""
 OPEN = ("loss.terms.", "callbacks.more.")
 ENTRY = re.compile(r"callbacks\.more\.[^.=]+=(?!null$)[^{\[=]+")
 """An entry by the name of its callback alone, whose options may be said, too."""
@@ -20,7 +24,7 @@ def check_choices(arguments: list[str]) -> None:
         group, _, choice = argument.partition("=")
         if is_group(group) and re.match(r"[\[\d]|(null|none)?$", choice):
             known = names_in(group)
-            if (group, choice) not in MAY_BE_NULL and not (group == "protocol" and choice.startswith("[")):
+            if (group, choice) not in MAY_BE_NULL and not (group in SEVERAL and choice.startswith("[")):
                 refuse(
                     f"{group}: expected one of {', '.join(known)}, got {choice!r}; sweep with -m {group}=a,b"
                 )
@@ -39,6 +43,8 @@ def _overrides(arguments: list[str]) -> list[str]:
 def as_groups(argument: str) -> list[str]:
     """How Hydra wants said what its grammar has other words for: `data.test=simcol3d`, a term of a loss."""
     option, _, value = argument.partition("=")
+    if option in BEFORE:
+        return [f"{BEFORE[option]}={value}"]
     if option.startswith(OPEN):  # mappings that are open to more
         return [f"++{option}.callback={value}" if ENTRY.fullmatch(argument) else f"++{argument}"]
     names = value.strip("[]").split(",")

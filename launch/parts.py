@@ -53,11 +53,17 @@ def load_plugins(arguments: Sequence[str]) -> list[str]:
 
 def store_parts() -> None:
     """Put every registered part into Hydra's store of configurations; files of the same name go first."""
-    from col3d import optimizers, schedulers
+    from col3d import logger_options, optimizers, schedulers
     from col3d.models import options as models
-    from col3d.registry import MODELS, OPTIMIZERS, SCHEDULERS
+    from col3d.registry import LOGGERS, MODELS, OPTIMIZERS, SCHEDULERS
 
-    nodes = ((MODELS, models.node), (OPTIMIZERS, optimizers.node), (SCHEDULERS, schedulers.node))
+    nodes = (
+        (MODELS, models.node),
+        (OPTIMIZERS, optimizers.node),
+        (SCHEDULERS, schedulers.node),
+        (LOGGERS, logger_options.node),
+    )
+    ConfigStore.instance().store("csv.yaml", {"logger": {}}, "logger", "_global_", provider="col3d")
     for registry, node in nodes:
         for part in map(registry.__getitem__, registry.names()):
             if _stored.get((part.kind, part.name)) is not part:

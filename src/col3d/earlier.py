@@ -32,6 +32,7 @@ def updated(options: dict[str, Any]) -> dict[str, Any]:
     >>> updated({"loss": {"depth": "silog", "normals": "l2", "lambdas": [0.5, 0.5]}})["loss"]["terms"]
     {'depth': {'term': 'silog', 'from_epoch': 0}, 'normals': {'term': 'normal_rmse', 'from_epoch': 0}}
     """
+    options = _with_loggers(options)
     loss = options.get("loss")
     if not isinstance(loss, dict) or "terms" in loss or not isinstance(loss.get("depth"), str):
         return options
@@ -45,3 +46,16 @@ def updated(options: dict[str, Any]) -> dict[str, Any]:
     for name, epoch in zip(terms, loss.get("from_epoch") or (), strict=False):
         terms[name]["from_epoch"] = epoch
     return {**options, "loss": {"lambdas": loss.get("lambdas"), "terms": terms}}
+
+
+def _with_loggers(options: dict[str, Any]) -> dict[str, Any]:
+    """Loggers by their names: one alone was told by `name` until there could be several.
+
+    >>> _with_loggers({"logger": {"name": "wandb", "project": "p", "offline": True}})
+    {'logger': {'wandb': {'project': 'p', 'offline': True}}}
+    """
+    logger = options.get("logger")
+    if not isinstance(logger, dict) or not isinstance(logger.get("name"), str):
+        return options
+    own = {name: value for name, value in logger.items() if name != "name"}
+    return {**options, "logger": {"wandb": own} if logger["name"] == "wandb" else {}}

@@ -173,7 +173,8 @@ SCHEDULERS = Registry(
     supplied=("optimizer", "training", "last_epoch", *COUNTS),
 )
 CALLBACKS = Registry("callback", "col3d.callbacks.named", "callbacks.more")
-KINDS = {registry.kind: registry for registry in (MODELS, LOSSES, OPTIMIZERS, SCHEDULERS, CALLBACKS)}
+LOGGERS = Registry("logger", "col3d.loggers", "logger", supplied=("folder", "run", "config"))
+KINDS = {registry.kind: registry for registry in (MODELS, LOSSES, OPTIMIZERS, SCHEDULERS, CALLBACKS, LOGGERS)}
 
 
 def register_model(
@@ -255,6 +256,21 @@ def register_callback(name: str, build: Built | None = None) -> Any:
         build: the class. What it has to remember in a training that goes on, it gives in `state_dict`.
     """
     return CALLBACKS.register(name, build)
+
+
+def register_logger(
+    name: str, build: Built | None = None, *, needs: tuple[str, ...] = (), install: str = ""
+) -> Any:
+    """Register a logger of Lightning's Trainer: a function or class that makes one.
+
+    Args:
+        name: for `logger=NAME` and `logger=[NAME,NAME]`.
+        build: the function or class. A parameter `folder` is given the run's folder; `run`, a word that is
+            the same whenever the run goes on; `config`, the options of the training as plain values.
+        needs: packages of which one has to be installed.
+        install: what `pip install` is told where none is.
+    """
+    return LOGGERS.register(name, build, needs=needs, install=install)
 
 
 def available(kind: str) -> list[str]:

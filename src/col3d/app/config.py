@@ -16,6 +16,7 @@ from torch.nn import Linear
 
 from col3d.callback_options import Entries
 from col3d.checks import check_known
+from col3d.logger_options import Loggers
 from col3d.losses.options import LossOptions, Weight
 from col3d.models.options import ModelOptions, model_options
 from col3d.optimizers import OptimizerOptions, optimizer_of, optimizer_options
@@ -185,14 +186,6 @@ class CallbackOptions(Options):
     more: Entries = Field(default_factory=dict)
 
 
-class LoggerOptions(Options):
-    """`csv` always; `wandb` adds Weights & Biases."""
-
-    name: Literal["csv", "wandb"]
-    project: Annotated[str, Field(pattern=r"^[^/\\#?%:]+$")]
-    offline: bool
-
-
 class ProtocolOptions(Options):
     """How predictions are scored; its name stands in every table."""
 
@@ -250,7 +243,7 @@ class TrainOptions(Options):
     scheduler: TheScheduler
     trainer: TrainerOptions
     callbacks: CallbackOptions
-    logger: LoggerOptions
+    logger: Loggers
     protocol: Protocols
 
     @model_validator(mode="after")

@@ -86,7 +86,7 @@ def decorate(
             summary = {**summary, "cost": measure_cost(task.network, (height, width))}
             write_json(folder.path / SUMMARY, summary)
     for logger in loggers:
-        with made.one("Weights & Biases"):
+        with made.one(type(logger).__name__):
             results.log(logger, summary)
     with made.one(PAGE):
         write_run_page(folder.path)

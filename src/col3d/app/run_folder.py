@@ -15,6 +15,7 @@ from col3d.app.starts import STARTS, Start, Starts
 from col3d.callbacks import BestCheckpoint
 from col3d.checks import UserError
 from col3d.earlier import updated
+from col3d.loggers import ID, MLFLOW_ID
 from col3d.models.options import file_of_weights
 from col3d.owned import Owned
 from col3d.refusals import check_options
@@ -33,7 +34,7 @@ KIND, OPTION = TRAINING, "hydra.run.dir"
 BEST, LAST = f"{CHECKPOINTS}/best.ckpt", f"{CHECKPOINTS}/last.ckpt"
 FILES = (
     *(RESULT, STATUS, CONFIG, STARTS, "summary.json", "per_frame.csv", "metrics.csv", "bad_batch.pt"),
-    *("wandb_id.txt", PAGE, BEST, LAST),
+    *(ID, MLFLOW_ID, PAGE, BEST, LAST),
 )
 DECORATIONS = ("cost", "panels", PAGE)
 """What is made after the result, and can be made again."""

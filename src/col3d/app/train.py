@@ -27,7 +27,7 @@ from col3d.app.results import Results, facts_of
 from col3d.app.run_folder import CHECKPOINTS, KIND, RunFolder
 from col3d.app.scored import Scored
 from col3d.app.starts import this_start
-from col3d.app.tracking import wandb_run
+from col3d.app.tracking import loggers_of
 from col3d.app.truth_check import check_truth
 from col3d.callback_options import callbacks_of
 from col3d.callbacks import (
@@ -42,6 +42,7 @@ from col3d.callbacks import (
 from col3d.callbacks.named import StoppedEarly
 from col3d.checks import UserError
 from col3d.data.datamodule import FrameDataModule
+from col3d.logger_options import check_installed
 from col3d.losses import WeightedLoss
 from col3d.refusals import check_options
 from col3d.tasks import SupervisedTask
@@ -70,6 +71,7 @@ def train(given: Mapping[str, Any]) -> float | tuple[float, ...]:
     quiet()
     options = check_options(TrainOptions, given)
     check_accelerator(options.trainer.accelerator)
+    check_installed(options.logger)
     data = settled(options.data, options.phantom)
     options = options.model_copy(update={"data": data})
     path = Path(options.output_dir)
@@ -121,7 +123,8 @@ def _run(options: TrainOptions, folder: RunFolder, stop: StopSignals, status: Jo
         scored.print_audit()
         folder.begin(this_start(options))
     status.write("running")
-    with wandb_run(options, folder.path) as loggers:
+    goes_on = folder.cut_off is not None
+    with loggers_of(options, folder.path, folder.starts.run, goes_on) as loggers:
         table = MetricsFile(folder.path / "metrics.csv", folder.rows)
         loggers.append(table)
         _fit_and_test(options, folder, frames, task, scored, loggers, RowsInCheckpoints(table), stop, status)
