@@ -2,6 +2,8 @@
 
 import re
 
+from omegaconf import OmegaConf
+
 from col3d.checks import nearest_name
 from launch.files import CONF, is_group, names_in
 from launch.refusals import refuse
@@ -40,18 +42,23 @@ def _overrides(arguments: list[str]) -> list[str]:
     ]
 
 
+def _is_of_trainer_alone(option: str) -> bool:
+    """Whether only Lightning has it, not the configuration: the program says why."""
+    group, _, name = option.partition(".")
+    return group == "trainer" and bool(name) and name not in OmegaConf.load(CONF / "trainer" / "default.yaml")
+
+
 def as_groups(argument: str) -> list[str]:
     """How Hydra wants said what its grammar has other words for: `data.test=simcol3d`, a term of a loss."""
     option, _, value = argument.partition("=")
-    if option in BEFORE:
-        return [f"{BEFORE[option]}={value}"]
-    if option.startswith(OPEN):  # mappings that are open to more
+    option = BEFORE.get(option, option)
+    if option.startswith(OPEN) or _is_of_trainer_alone(option):  # mappings that are open to more
         return [f"++{option}.callback={value}" if ENTRY.fullmatch(argument) else f"++{argument}"]
     names = value.strip("[]").split(",")
     if option == "data.split" and (CONF / "data/split" / f"{value}.yaml").is_file():
         return [f"data/split={value}"]
     if option not in ("data.test", "data.also") or value in ("null", "{}"):
-        return [argument]
+        return [f"{option}={value}" if option in BEFORE.values() else argument]
     known = names_in("data/source")
     for name in names:
         if name not in known:

@@ -14,6 +14,7 @@ from pydantic import (
 )
 from torch.nn import Linear
 
+from col3d.app.trainer_options import TrainerOptions
 from col3d.callback_options import Entries
 from col3d.checks import check_known
 from col3d.logger_options import Loggers
@@ -162,21 +163,6 @@ class DataOptions(SourceOptions):
 TaskOptions = SupervisedOptions | AdversarialOptions
 
 
-class TrainerOptions(Options):
-    """What Lightning's Trainer is given."""
-
-    max_epochs: PositiveInt
-    accelerator: Literal["auto", "cpu", "gpu", "cuda"]
-    devices: PositiveInt | Literal["auto"]
-    strategy: Literal["auto", "ddp"]
-    precision: Literal["32-true", "bf16-mixed", "16-mixed"]
-    gradient_clip: Annotated[PositiveFloat | None, NoneWord]
-    accumulate: PositiveInt
-    compile: bool
-    deterministic: bool
-    limit_train_batches: PositiveInt | None
-
-
 class CallbackOptions(Options):
     """What is written beside the metrics, and callbacks that join the training."""
 
@@ -274,9 +260,11 @@ class TrainOptions(Options):
                 "protocol: train.py scores under one protocol, at the network's resolution; "
                 f"got {', '.join(self.protocol)}; evaluate.py scores under any"
             )
-        if self.callbacks.predictions and self.trainer.devices != 1:
+        if self.callbacks.predictions and self.trainer.processes != 1:
+            nodes = "" if self.trainer.num_nodes == 1 else f" trainer.num_nodes={self.trainer.num_nodes}"
             raise ValueError(
                 f"callbacks.predictions: one process writes them, got trainer.devices={self.trainer.devices}"
+                f"{nodes}"
             )
         if self.task.name == "adversarial":
             self._adversarial_fits()
@@ -320,6 +308,8 @@ class TrainOptions(Options):
         given = self.trainer
         if given.accumulate > 1:
             raise ValueError(f"trainer.accumulate: task=adversarial steps each batch, got {given.accumulate}")
+        if given.gradient_clip_algorithm == "value":
+            raise ValueError("trainer.gradient_clip_algorithm: task=adversarial clips by norm, got value")
         if given.gradient_clip is not None and given.precision == "16-mixed":
             raise ValueError(
                 "trainer.gradient_clip: task=adversarial cannot clip scaled gradients; take bf16-mixed"

@@ -12,6 +12,8 @@ UNRELATED = {"overwrite", "output_dir", "logger", "objective", "plugins"}
 UNRELATED_INSIDE = {
     ("data", "workers"),
     ("data", "store"),
+    ("trainer", "profiler"),
+    ("trainer", "log_every_n_steps"),
     ("callbacks", "panels"),
     ("callbacks", "predictions"),
     ("callbacks", "checkpoint_minutes"),

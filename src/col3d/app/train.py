@@ -28,6 +28,7 @@ from col3d.app.run_folder import CHECKPOINTS, KIND, RunFolder
 from col3d.app.scored import Scored
 from col3d.app.starts import this_start
 from col3d.app.tracking import loggers_of
+from col3d.app.trial import trial
 from col3d.app.truth_check import check_truth
 from col3d.callback_options import callbacks_of
 from col3d.callbacks import (
@@ -40,6 +41,7 @@ from col3d.callbacks import (
     StopSignals,
 )
 from col3d.callbacks.named import StoppedEarly
+from col3d.callbacks.same_batches import SameBatches
 from col3d.checks import UserError
 from col3d.data.datamodule import FrameDataModule
 from col3d.logger_options import check_installed
@@ -72,6 +74,14 @@ def train(given: Mapping[str, Any]) -> float | tuple[float, ...]:
     options = check_options(TrainOptions, given)
     check_accelerator(options.trainer.accelerator)
     check_installed(options.logger)
+    if options.trainer.fast_dev_run:
+        with trial(options) as options_of_trial:
+            return _at_work(options_of_trial)
+    return _at_work(options)
+
+
+def _at_work(options: TrainOptions) -> float | tuple[float, ...]:
+    """What comes of the options in their folder."""
     data = settled(options.data, options.phantom)
     options = options.model_copy(update={"data": data})
     path = Path(options.output_dir)
@@ -165,6 +175,7 @@ def _fit_and_test(
         [*joining(options), about, rows, best, last, *watchers, *results.callbacks, *kept],
         loggers,
         adversarial=options.task.name == "adversarial",
+        folder=folder.path,
     )
     with in_a_line(_smaller(options)):
         trainer.fit(task, datamodule=data, ckpt_path=folder.cut_off, weights_only=True)
@@ -177,6 +188,8 @@ def _fit_and_test(
         trainer.test(task, datamodule=data, verbose=False)
     summary = {}
     if is_first():
+        if options.trainer.limit_test_batches is not None or options.trainer.overfit_batches is not None:
+            print("note: tested on some batches of the test split alone, as trainer.limit_* says", flush=True)
         found = {**best.metrics, "epoch": epoch}
         tables = [logger for logger in loggers if isinstance(logger, MetricsFile)]
         summary = results.write(task, best.path, found, tables)
@@ -190,7 +203,8 @@ def _fit_and_test(
 def joining(options: TrainOptions) -> list[Callback]:
     """The callbacks that options name; they come before those that save."""
     named: list[Callback] = callbacks_of(options.callbacks.more)
-    return [*named, StoppedEarly()] if named else []
+    same: list[Callback] = [] if options.trainer.overfit_batches is None else [SameBatches()]
+    return [*same, *named, *([StoppedEarly()] if named else [])]
 
 
 def _smaller(options: TrainOptions) -> str:

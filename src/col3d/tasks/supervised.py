@@ -130,7 +130,15 @@ class SupervisedTask(LightningModule):
         """Keep the mean training depth, over all processes, and let schedules see what was measured."""
         if self.current_epoch == 0:
             self.depth_seen = self._sum(self._seen).cpu()
-        self._watch()
+        if self._validated:
+            self._watch()
+        else:
+            self.log_dict(self.totals.compute(self._sum), sync_dist=True)
+
+    @property
+    def _validated(self) -> bool:
+        """Whether the epoch is one that is validated."""
+        return (self.current_epoch + 1) % (self.trainer.check_val_every_n_epoch or 1) == 0
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Keep the mean training depth, and the sums of the epoch that is under way, over all processes."""
@@ -235,13 +243,12 @@ class SupervisedTask(LightningModule):
             scheduler.step()
 
     def _watch(self) -> None:
-        """Step schedules that watch a metric, after epochs that are validated.
+        """Step schedules that watch a metric.
 
         Lightning would step them after it has saved the epoch, and a training that goes on never.
         """
-        validated = (self.current_epoch + 1) % (self.trainer.check_val_every_n_epoch or 1) == 0
         for config in self.trainer.lr_scheduler_configs:
-            if validated and isinstance(config.scheduler, ReduceLROnPlateau):
+            if isinstance(config.scheduler, ReduceLROnPlateau):
                 config.scheduler.step(self.trainer.callback_metrics[str(self.monitor)])
 
 
