@@ -10,14 +10,14 @@ from torch import nn
 
 from col3d.app.config import AdversarialOptions, ProtocolOptions, TrainOptions
 from col3d.checks import OptionError, UserError
-from col3d.layers.freeze import freeze
+from col3d.layers.freeze import check_learns, freeze, thaw
 from col3d.layers.patch_gan import PatchGAN
 from col3d.layers.weight_file import check_finite, check_fractions
 from col3d.losses import WeightedLoss
 from col3d.metrics import Protocol
 from col3d.models import create
 from col3d.models.options import ModelOptions
-from col3d.optimizers import optimizer_of
+from col3d.optimizers import check_encoder, optimizer_of
 from col3d.registry import MODELS
 from col3d.schedulers import interval_of, scheduler_of
 from col3d.tasks import AdversarialTask, SupervisedTask
@@ -30,12 +30,14 @@ def network(options: ModelOptions, size_hw: tuple[int, int]) -> nn.Module:
         UserError: the encoder or its weights are not to be had, or parts do not fit. Other errors of the
             network's own code are left as they are.
     """
-    given = options.model_dump(exclude={"freeze"})
+    given = options.model_dump(exclude={"freeze", "unfreeze_at"})
     if "size_hw" in signature(MODELS[options.name].build).parameters:
         given["size_hw"] = size_hw
     try:
         built = create(**given)
         freeze(built, options.freeze)
+        if options.unfreeze_at is not None:
+            thaw(built, options.freeze)
     except OptionError as error:
         raise UserError(str(error)) from None
     return built
@@ -57,8 +59,14 @@ def task(options: TrainOptions) -> SupervisedTask:
             gradient_clip=options.trainer.gradient_clip,
         )
     height, width = options.data.size
+    net = network(options.model, (height, width))
+    try:
+        check_encoder(options.optimizer, net)
+        check_learns(net)
+    except OptionError as error:
+        raise UserError(str(error)) from None
     return kind(
-        network(options.model, (height, width)),
+        net,
         WeightedLoss(options.loss.lambdas, options.loss.terms, options.model.max_depth),
         optimizer_of(options.optimizer),
         scheduler_of(options.scheduler),

@@ -12,7 +12,6 @@ from pydantic import (
     SerializeAsAny,
     model_validator,
 )
-from torch.nn import Linear
 
 from col3d.app.trainer_options import TrainerOptions
 from col3d.callback_options import Entries
@@ -20,7 +19,7 @@ from col3d.checks import check_known
 from col3d.logger_options import Loggers
 from col3d.losses.options import LossOptions, Weight
 from col3d.models.options import ModelOptions, model_options
-from col3d.optimizers import OptimizerOptions, optimizer_of, optimizer_options
+from col3d.optimizers import OptimizerOptions, optimizer_options, sample_optimizer
 from col3d.registry import CALLBACKS, MODELS
 from col3d.reports.per_frame import DEPTH_METRICS, NORMAL_METRICS
 from col3d.schedulers import PlateauOptions, SchedulerOptions, scheduler_options, try_schedule
@@ -268,6 +267,11 @@ class TrainOptions(Options):
             )
         if self.task.name == "adversarial":
             self._adversarial_fits()
+        if model.unfreeze_at is not None and model.unfreeze_at >= self.trainer.max_epochs:
+            raise ValueError(
+                f"model.unfreeze_at: expected fewer than trainer.max_epochs={self.trainer.max_epochs}, "
+                f"got {model.unfreeze_at}"
+            )
         normals = () if model.normals == "none" else NORMAL_METRICS
         measured = [f"val/{name}" for name in ("loss", *DEPTH_METRICS, *normals)]
         if unknown := [name for name in self.objective if name not in measured]:
@@ -298,7 +302,7 @@ class TrainOptions(Options):
 
     def _schedule_fits(self, measured: list[str]) -> None:
         """Torch's rules for the schedule beside this optimiser, and what it watches."""
-        try_schedule(self.scheduler, optimizer_of(self.optimizer)(Linear(1, 1)), self.trainer.max_epochs)
+        try_schedule(self.scheduler, sample_optimizer(self.optimizer), self.trainer.max_epochs)
         if isinstance(self.scheduler, PlateauOptions):
             check_known("scheduler.monitor", self.scheduler.monitor, measured)
             if self.task.name == "adversarial":

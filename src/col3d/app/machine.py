@@ -16,6 +16,7 @@ from lightning.pytorch.profilers import AdvancedProfiler, PyTorchProfiler, Simpl
 
 from col3d.app.checkpoints import CheckpointFiles
 from col3d.app.trainer_options import TrainerOptions
+from col3d.callbacks.unfreeze import Unfreeze
 from col3d.checks import UserError
 
 PROFILERS: dict[str, Callable[..., Any]] = {
@@ -62,8 +63,9 @@ def make_trainer(
         adversarial: whether two networks learn in turn.
         folder: where a profiler writes.
     """
-    # Each of two networks that learn in turn leaves the other's gradients out.
-    parts_unused = adversarial and (given.strategy == "ddp" or given.processes != 1)
+    # Two networks that learn in turn leave each other's gradients out; an encoder may be kept at first.
+    in_turn = adversarial or any(isinstance(callback, Unfreeze) for callback in callbacks)
+    parts_unused = in_turn and (given.strategy == "ddp" or given.processes != 1)
     strategy = "ddp_find_unused_parameters_true" if parts_unused else given.strategy
     on_cpu = given.accelerator == "cpu" or not torch.cuda.is_available()  # metrics are float64: no MPS
     return Trainer(

@@ -42,6 +42,7 @@ from col3d.callbacks import (
 )
 from col3d.callbacks.named import StoppedEarly
 from col3d.callbacks.same_batches import SameBatches
+from col3d.callbacks.unfreeze import Unfreeze
 from col3d.checks import UserError
 from col3d.data.datamodule import FrameDataModule
 from col3d.logger_options import check_installed
@@ -172,7 +173,16 @@ def _fit_and_test(
     about = About({"run": folder.starts.run, **provenance(), **data.about(), "split": split})
     trainer = make_trainer(
         options.trainer,
-        [*joining(options), about, rows, best, last, *watchers, *results.callbacks, *kept],
+        [
+            *joining(options, task),
+            about,
+            rows,
+            best,
+            last,
+            *watchers,
+            *results.callbacks,
+            *kept,
+        ],
         loggers,
         adversarial=options.task.name == "adversarial",
         folder=folder.path,
@@ -200,11 +210,13 @@ def _fit_and_test(
         results.show(shown, best.path)
 
 
-def joining(options: TrainOptions) -> list[Callback]:
-    """The callbacks that options name; they come before those that save."""
+def joining(options: TrainOptions, task: SupervisedTask) -> list[Callback]:
+    """The callbacks that options name or ask for; they come before those that save."""
     named: list[Callback] = callbacks_of(options.callbacks.more)
-    same: list[Callback] = [] if options.trainer.overfit_batches is None else [SameBatches()]
-    return [*same, *named, *([StoppedEarly()] if named else [])]
+    asked: list[Callback] = [] if options.trainer.overfit_batches is None else [SameBatches()]
+    if options.model.unfreeze_at is not None:
+        asked.append(Unfreeze(task.network.get_submodule("encoder"), options.model.unfreeze_at))
+    return [*asked, *named, *([StoppedEarly()] if named else [])]
 
 
 def _smaller(options: TrainOptions) -> str:
