@@ -197,7 +197,7 @@ class SupervisedTask(LightningModule):
 
     def test_step(self, batch: Batch, batch_idx: int) -> Scored:
         """Prediction and the metrics of each frame."""
-        prediction = self._tested(batch)
+        prediction = known_maps(self._tested(batch))
         values, baseline = self.protocol.score(prediction, batch), {}
         mean = self.mean_depth
         if mean is not None:
@@ -263,6 +263,14 @@ def _check_length(schedule: LRScheduler, steps: int) -> None:
             f"scheduler.total_steps: expected at least the {steps} of this training, got "
             f"{schedule.total_steps}; left out, it is as long as the training"
         )
+
+
+def known_maps(prediction: Prediction) -> Prediction:
+    """What metrics, pictures and files know of a prediction; networks may return more for losses."""
+    found: Prediction = {"depth": prediction["depth"]}
+    if "normals" in prediction:
+        found["normals"] = prediction["normals"]
+    return found
 
 
 def _named(losses: Mapping[str, Tensor]) -> dict[str, Tensor]:
