@@ -19,6 +19,7 @@ ADDED: dict[str, Any] = {
         for name in ("amsgrad", "maximize", "capturable", "differentiable", "nesterov")
     },
     "optimizer.dampening": 0,
+    "trainer.num_nodes": 1,
 }
 """Options that came later, and what runs without them had."""
 
