@@ -172,6 +172,7 @@ def test_options_of_a_configuration_are_those_of_the_named_network(nets: Registr
     assert isinstance(options, ModelOptions)
     assert options.model_dump(mode="json") == {
         **{"name": "net", "max_depth": 100.0, "normals": "none", "normal_frame": "camera", "freeze": []},
+        "unfreeze_at": None,
         **{"channels": [8, 16], "dropout": 0.25, "mode": "fast", "weights": None},
     }
     assert node(nets["net"])["channels"] == [8, 16]

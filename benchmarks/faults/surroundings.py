@@ -29,7 +29,7 @@ time.time_ns = lambda: int(1e9 * time.time())
 
 def no_wandb(trial: Trial, kind: str) -> list[str]:
     """W&B is asked for and not to be had: without a key, or its server `refuses` or is `silent`."""
-    trial.more += ["logger=wandb", "logger.offline=false"]
+    trial.more += ["logger=wandb", "logger.wandb.offline=false"]
     environment = {"HOME": str(trial.place), "WANDB_API_KEY": "0123456789" * 4}
     environment |= {"WANDB_ERROR_REPORTING": "false", "NETRC": str(trial.place / "none")}
     server = trial.keep.enter_context(socket.socket())

@@ -22,6 +22,7 @@ ADDED: dict[str, Any] = {
         for name in ("amsgrad", "maximize", "capturable", "differentiable", "nesterov")
     },
     "optimizer.dampening": 0,
+    "trainer.num_nodes": 1,
 }
 """Options that came later, and what runs without them had."""
 
@@ -37,6 +38,7 @@ def updated(options: dict[str, Any]) -> dict[str, Any]:
     """
     if isinstance(data := options.get("data"), dict):
         options = {**options, "data": _data(data)}
+    options = _with_loggers(options)
     loss = options.get("loss")
     if not isinstance(loss, dict) or "terms" in loss or not isinstance(loss.get("depth"), str):
         return options
@@ -66,3 +68,16 @@ def _data(options: dict[str, Any]) -> dict[str, Any]:
         for name, value in now.items()
         if name in options and (name not in needless or value != needless[name])
     }
+
+
+def _with_loggers(options: dict[str, Any]) -> dict[str, Any]:
+    """Loggers by their names: one alone was told by `name` until there could be several.
+
+    >>> _with_loggers({"logger": {"name": "wandb", "project": "p", "offline": True}})
+    {'logger': {'wandb': {'project': 'p', 'offline': True}}}
+    """
+    logger = options.get("logger")
+    if not isinstance(logger, dict) or not isinstance(logger.get("name"), str):
+        return options
+    own = {name: value for name, value in logger.items() if name != "name"}
+    return {**options, "logger": {"wandb": own} if logger["name"] == "wandb" else {}}

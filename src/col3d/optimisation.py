@@ -1,15 +1,32 @@
 """Which parameters learn how, and learning rates over the steps of a training."""
 
+import re
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 from torch import nn
 from torch.optim import Optimizer
 from torch.optim.lr_scheduler import LambdaLR, LRScheduler
 
+NUMBERED = re.compile(r"((?:[^.]+\.)*?\d+(?:\.\d+)*)\.")
 OptimizerFactory = Callable[[nn.Module], Optimizer]
-SchedulerFactory = Callable[[Optimizer, int, int], LRScheduler]
-"""(optimiser, steps of the whole training, epochs) -> schedule, stepped each batch."""
+SchedulerFactory = Callable[[Optimizer, int, int], LRScheduler | None]
+"""(optimiser, steps of the schedule over the training, epochs) -> schedule; None for a constant rate."""
+
+
+@dataclass(frozen=True)
+class TrainingLength:
+    """How long a training is.
+
+    Attributes:
+        steps: of the schedule over the whole training: of the optimiser, or epochs where it is stepped after
+            those.
+        epochs: of the training.
+    """
+
+    steps: int
+    epochs: int
 
 
 def parameter_groups(
@@ -30,6 +47,65 @@ def parameter_groups(
     decoder = [p for p in learning if id(p) not in inside]
     groups = ((encoder, weight_decay), (decoder, decoder_weight_decay))
     return [{"params": parameters, "weight_decay": decay} for parameters, decay in groups if parameters]
+
+
+def scaled_groups(
+    network: nn.Module,
+    lr: float,
+    weight_decay: tuple[float, float],
+    encoder_lr: float | None,
+    layer_decay: float | None,
+) -> list[dict[str, Any]]:
+    """The parameters that learn, at rates of their own: everything but the encoder, then its layers.
+
+    Args:
+        network: its encoder, where it has one, is its attribute `encoder`.
+        lr: of everything but the encoder.
+        weight_decay: of the encoder, and of everything else.
+        encoder_lr: of the encoder's last layers; the same as `lr` when None.
+        layer_decay: what the rate of each layer is of that of the layer after it; 1 when None.
+
+    Returns:
+        Groups with their `lr`, and `lr_scale`, the share of `lr` that it is.
+
+    References:
+        Howard, Ruder: Universal Language Model Fine-tuning for Text Classification, ACL 2018, section 3.2;
+        Bao et al.: BEiT, ICLR 2022, appendix.
+    """
+    encoder = getattr(network, "encoder", None)
+    layers = layers_of(encoder, layer_decay or 1.0) if isinstance(encoder, nn.Module) else []
+    inside = {id(parameter) for parameters, _ in layers for parameter in parameters}
+    rest = [p for p in network.parameters() if p.requires_grad and id(p) not in inside]
+    first = 1.0 if encoder_lr is None else encoder_lr / lr
+    groups = [(rest, weight_decay[1], 1.0)]
+    groups += [(parameters, weight_decay[0], first * scale) for parameters, scale in layers]
+    return [
+        {"params": parameters, "weight_decay": decay, "lr": lr * scale, "lr_scale": scale}
+        for parameters, decay, scale in groups
+        if parameters
+    ]
+
+
+def layers_of(encoder: nn.Module, layer_decay: float) -> list[tuple[list[nn.Parameter], float]]:
+    """The learning parameters of an encoder's layers, the deepest last, and the share of the rate of each.
+
+    A layer begins where the first numbers in the names of parameters change: `blocks.2.0`, `layers.1`.
+
+    >>> [scale for _, scale in layers_of(nn.Sequential(nn.Linear(1, 1), nn.ReLU(), nn.Linear(1, 1)), 0.5)]
+    [0.5, 1.0]
+    """
+    layers: list[list[nn.Parameter]] = [[]]
+    before = ""
+    for name, parameter in encoder.named_parameters():
+        found = NUMBERED.match(name)
+        if found and found[1] != before:
+            before = found[1]
+            layers.append([])
+        layers[-1].append(parameter)
+    layers = [layer for layer in layers if layer]
+    shares = [layer_decay ** (len(layers) - 1 - depth) for depth in range(len(layers))]
+    learning = [[parameter for parameter in layer if parameter.requires_grad] for layer in layers]
+    return [(layer, share) for layer, share in zip(learning, shares, strict=True) if layer]
 
 
 def polynomial_decay(

@@ -8,10 +8,7 @@ from pydantic_core import ErrorDetails
 
 from col3d.checks import OptionError, UserError, nearest_name
 
-BY_NAME = {
-    "task": ("supervised", "adversarial"),
-    "scheduler": ("constant", "polynomial", "step"),
-}
+BY_NAME = {"task": ("supervised", "adversarial")}
 """Groups whose options are told apart by their name, which pydantic puts into the location of a mistake."""
 
 OptionsType = TypeVar("OptionsType", bound=BaseModel)

@@ -1,4 +1,4 @@
-"""The one door for parts of an experiment: networks, losses, optimisers and data sets by name.
+"""The one door for parts of an experiment: networks, losses, data sets, optimisers and more by name.
 
 The signature is the schema: its parameters are the options, its defaults the only defaults.
 """
@@ -26,7 +26,7 @@ class Part:
     """What a name stands for.
 
     Attributes:
-        kind: such as "model".
+        kind: a key of `KINDS`, such as "model".
         name: on the command line.
         build: a class or a function; its keyword parameters are the options.
         supplied: parameters that the program gives.
@@ -76,6 +76,10 @@ class Registry:
             choice brings there.
         supplied: parameters that the program gives to every part that has them.
         rules: pydantic's `Field` for parameters that every part means alike, by name.
+
+    Attributes:
+        parts: by name.
+        refused: names of what other libraries have and does not serve here, with what to do instead.
     """
 
     kind: str
@@ -85,6 +89,7 @@ class Registry:
     supplied: tuple[str, ...] = ()
     rules: Mapping[str, Any] = field(default_factory=dict)
     parts: dict[str, Part] = field(default_factory=dict)
+    refused: dict[str, str] = field(default_factory=dict)
 
     def register(
         self,
@@ -135,6 +140,8 @@ class Registry:
         """
         if part := self.find(name):
             return part
+        if name in self.refused:
+            raise OptionError(f"{self.option}: {name} is not offered: {self.refused[name]}")
         raise OptionError(
             f"{self.option}: {name!r} is unknown{nearest_name(str(name), self.parts)}; known: "
             f"{', '.join(self.names())}"
@@ -187,7 +194,27 @@ DATASETS = Registry(
     groups={"data": "col3d.data.options:node", "data/source": "col3d.data.options:source_node"},
     supplied=("root", "videos", "normals", "camera", "truth", "rendered"),
 )
-KINDS = {registry.kind: registry for registry in (MODELS, LOSSES, OPTIMIZERS, DATASETS)}
+COUNTS = ("total_steps", "total_iters", "T_max")
+"""Parameters of schedules that are as long as the training unless they are given."""
+SCHEDULERS = Registry(
+    "scheduler",
+    ("col3d.schedulers",),
+    "scheduler.name",
+    groups={"scheduler": "col3d.schedulers:node"},
+    supplied=("optimizer", "training", "last_epoch", *COUNTS),
+)
+CALLBACKS = Registry("callback", ("col3d.callbacks.named",), "callbacks.more")
+LOGGERS = Registry(
+    "logger",
+    ("col3d.loggers",),
+    "logger",
+    groups={"logger": "col3d.logger_options:node"},
+    supplied=("folder", "run", "config"),
+)
+KINDS = {
+    registry.kind: registry
+    for registry in (MODELS, LOSSES, DATASETS, OPTIMIZERS, SCHEDULERS, CALLBACKS, LOGGERS)
+}
 GROUPS = {group: registry for registry in KINDS.values() for group in registry.groups}
 """Groups of options whose choices are registered parts."""
 
@@ -283,6 +310,43 @@ def register_dataset(
     facts: dict[str, Any] = {"split": split, "normals": normals, "root": root, "defaults": dict(defaults)}
     facts |= {"label": label or name, "table": table, "rendered": rendered, "view": view}
     return DATASETS.register(name, build, NOTHING, **facts)
+
+
+def register_scheduler(name: str, build: Built | None = None, *, interval: str = "epoch") -> Any:
+    """Register a schedule of the learning rate: a function or class (optimizer, options) -> `LRScheduler`.
+
+    Args:
+        name: for `scheduler=NAME`.
+        build: the function or class. A parameter `training` is given the length of the training, a
+            `TrainingLength`; `total_steps`, `total_iters` and `T_max` are that length unless given.
+        interval: what it is stepped after unless `scheduler.interval` says otherwise, "step" or "epoch".
+    """
+    return SCHEDULERS.register(name, build, interval=interval)
+
+
+def register_callback(name: str, build: Built | None = None) -> Any:
+    """Register a callback of Lightning's Trainer.
+
+    Args:
+        name: for `callbacks.more.ENTRY=NAME`.
+        build: the class. What it has to remember in a training that goes on, it gives in `state_dict`.
+    """
+    return CALLBACKS.register(name, build)
+
+
+def register_logger(
+    name: str, build: Built | None = None, *, needs: tuple[str, ...] = (), install: str = ""
+) -> Any:
+    """Register a logger of Lightning's Trainer: a function or class that makes one.
+
+    Args:
+        name: for `logger=NAME` and `logger=[NAME,NAME]`.
+        build: the function or class. A parameter `folder` is given the run's folder; `run`, a word that is
+            the same whenever the run goes on; `config`, the options of the training as plain values.
+        needs: packages of which one has to be installed.
+        install: what `pip install` is told where none is.
+    """
+    return LOGGERS.register(name, build, needs=needs, install=install)
 
 
 def available(kind: str) -> list[str]:

@@ -1,8 +1,10 @@
 """Options that are checked: the signature of a class or a function as a pydantic model."""
 
+import collections.abc
 import inspect
 import warnings
 from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from types import MappingProxyType, NoneType, UnionType
@@ -12,9 +14,14 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticCustomError, PydanticUndefined
 
+from col3d.checks import OptionError, nearest_name
+
 LARGEST, LARGEST_WHOLE = 1e30, 1e18
 PLAIN = (bool, int, float, str, NoneType, Path)
 CONTAINERS = (list, tuple, Sequence, dict, Mapping, Literal, Union, UnionType, Annotated)
+
+CHECKERS_NAMES = {**vars(collections.abc), "Iterable": Sequence}
+"""What libraries import for annotations alone; pydantic would read an `Iterable` only when it is used."""
 
 NoneWord = BeforeValidator(lambda value: None if value == "none" else value)
 """Lets `none` on a command line stand for null."""
@@ -119,6 +126,23 @@ def options_of(
         return create_model(build.__name__, __base__=base, **fields)
 
 
+def check_names(group: str, given: Mapping[str, Any], options: type[BaseModel]) -> None:
+    """Refuse options that a part does not have.
+
+    Args:
+        group: where the options are given, such as "scheduler".
+        given: the options.
+        options: those that there are.
+
+    Raises:
+        OptionError: a line for each, with the nearest name.
+    """
+    known = [f"{group}.{name}" for name in options.model_fields]
+    unknown = [f"{group}.{name}" for name in given if name not in options.model_fields]
+    if unknown:
+        raise OptionError("\n".join(f"{name}: no such option{nearest_name(name, known)}" for name in unknown))
+
+
 def rule(annotation: Any) -> str:
     """What a value has to be, in words: its type and the bounds of pydantic or annotated-types.
 
@@ -178,8 +202,10 @@ def plain(value: Any) -> Any:
 
 def _hints(build: Callable[..., Any]) -> dict[str, Any]:
     target = build.__init__ if inspect.isclass(build) else build
-    try:
+    with suppress(NameError):
         return get_type_hints(target, include_extras=True)
+    try:  # names that are there for type checkers alone
+        return get_type_hints(target, localns=CHECKERS_NAMES, include_extras=True)
     except NameError as error:
         raise SignatureError(f"{_named(build)}: {error} (in its annotations)") from None
 

@@ -21,6 +21,7 @@ from col3d.models.options import ModelOptions
 from col3d.optimizers import OptimizerOptions
 from col3d.refusals import check_options
 from col3d.registry import available
+from col3d.schedulers import SchedulerOptions
 
 GROUPS = sorted(
     path.name for path in CONF.iterdir() if path.is_dir() and path.name not in ("data", "experiment")
@@ -214,6 +215,7 @@ def test_no_option_is_without_effect() -> None:
         *names(ModelOptions),
         *names(LossOptions),
         *names(OptimizerOptions),
+        *names(SchedulerOptions),
     }  # handed on as they are
     for name in set(names(TrainOptions)) - spread_whole - {"preset"}:
         assert f".{name}" in code or f'"{name}"' in code, name

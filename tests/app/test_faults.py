@@ -194,7 +194,7 @@ def test_without_a_key_wandb_goes_on_offline(
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.setenv("NETRC", str(tmp_path / "none"))
     monkeypatch.setenv("WANDB_BASE_URL", "http://127.0.0.1:9")
-    online = ("logger=wandb", "logger.offline=false", "trainer.max_epochs=1")
+    online = ("logger=wandb", "logger.wandb.offline=false", "trainer.max_epochs=1")
     train(options(tmp_path / "run", phantom_root, *online))
     assert "note: W&B goes on offline: there is no key" in capsys.readouterr().out
     assert len(list((tmp_path / "run" / "wandb").glob("offline-run-*/*.wandb"))) == 1

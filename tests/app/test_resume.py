@@ -19,7 +19,15 @@ from col3d.app.train import train
 from col3d.tasks import SupervisedTask
 
 Compose = Callable[..., dict[str, Any]]
-KEPT = ("state_dict", "optimizer_states", "lr_schedulers", "epoch", "global_step", "epoch_so_far")
+KEPT = (
+    "state_dict",
+    "optimizer_states",
+    "lr_schedulers",
+    "epoch",
+    "global_step",
+    "epoch_so_far",
+    "depth_seen",
+)
 KILLS = 20
 EPOCHS = 3
 

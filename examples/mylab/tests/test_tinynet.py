@@ -6,4 +6,5 @@ from col3d.testing import check_network
 
 
 def test_tinynet() -> None:
+    """Sizes, batches, gradients, and what a file keeps."""
     check_network(TinyNet)

@@ -8,30 +8,18 @@ from typing import Any
 
 from torch import nn
 
-from col3d.app.config import (
-    AdversarialOptions,
-    ConstantOptions,
-    PolynomialOptions,
-    ProtocolOptions,
-    SchedulerOptions,
-    StepOptions,
-    TrainOptions,
-)
+from col3d.app.config import AdversarialOptions, ProtocolOptions, TrainOptions
 from col3d.checks import OptionError, UserError
-from col3d.layers.freeze import freeze
+from col3d.layers.freeze import check_learns, freeze, thaw
 from col3d.layers.patch_gan import PatchGAN
 from col3d.layers.weight_file import check_finite, check_fractions
 from col3d.losses import WeightedLoss
 from col3d.metrics import Protocol
 from col3d.models import create
 from col3d.models.options import ModelOptions
-from col3d.optimisation import (
-    SchedulerFactory,
-    polynomial_decay,
-    step_decay,
-)
-from col3d.optimizers import optimizer_of
+from col3d.optimizers import check_encoder, optimizer_of
 from col3d.registry import MODELS
+from col3d.schedulers import interval_of, scheduler_of
 from col3d.tasks import AdversarialTask, SupervisedTask
 
 
@@ -42,12 +30,14 @@ def network(options: ModelOptions, size_hw: tuple[int, int]) -> nn.Module:
         UserError: the encoder or its weights are not to be had, or parts do not fit. Other errors of the
             network's own code are left as they are.
     """
-    given = options.model_dump(exclude={"freeze"})
+    given = options.model_dump(exclude={"freeze", "unfreeze_at"})
     if "size_hw" in signature(MODELS[options.name].build).parameters:
         given["size_hw"] = size_hw
     try:
         built = create(**given)
         freeze(built, options.freeze)
+        if options.unfreeze_at is not None:
+            thaw(built, options.freeze)
     except OptionError as error:
         raise UserError(str(error)) from None
     return built
@@ -69,12 +59,20 @@ def task(options: TrainOptions) -> SupervisedTask:
             gradient_clip=options.trainer.gradient_clip,
         )
     height, width = options.data.size
+    net = network(options.model, (height, width))
+    try:
+        check_encoder(options.optimizer, net)
+        check_learns(net)
+    except OptionError as error:
+        raise UserError(str(error)) from None
     return kind(
-        network(options.model, (height, width)),
+        net,
         WeightedLoss(options.loss.lambdas, options.loss.terms, options.model.max_depth),
         optimizer_of(options.optimizer),
-        scheduler(options.scheduler),
+        scheduler_of(options.scheduler),
         options.model_dump(mode="json"),
+        interval=interval_of(options.scheduler),
+        monitor=getattr(options.scheduler, "monitor", None),
         protocol=protocol(*options.one_protocol),
         mirror=options.one_protocol[1].mirror,
         seed=options.seed,
@@ -87,21 +85,6 @@ def protocol(name: str, options: ProtocolOptions) -> Protocol:
     return Protocol(name, options.scaling, (low, high), options.cosine_epsilon, options.normal_axes)
 
 
-def scheduler(options: SchedulerOptions) -> SchedulerFactory | None:
-    """(optimiser, steps, epochs) -> schedule, or None for a constant rate."""
-    match options:
-        case ConstantOptions():
-            return None
-        case PolynomialOptions():
-            return lambda optimizer, steps, epochs: polynomial_decay(
-                optimizer, steps, options.power, options.final_ratio, options.hold
-            )
-        case StepOptions():
-            return lambda optimizer, steps, epochs: step_decay(
-                optimizer, options.epochs * steps // epochs, options.factor
-            )
-
-
 def fill(built: SupervisedTask, content: Mapping[str, Any], checkpoint: Path) -> int:
     """Load what a checkpoint of ours holds into a task.
 
@@ -112,7 +95,9 @@ def fill(built: SupervisedTask, content: Mapping[str, Any], checkpoint: Path) ->
         UserError: its tensors are not finite, or not those of the task.
     """
     try:
+        content = {**content, "state_dict": dict(content["state_dict"])}
         check_finite(content["state_dict"])
+        built.take_depth_seen(content)
         check_fractions(content["state_dict"], built.state_dict())
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise UserError(f"checkpoint: {checkpoint}: {' '.join(str(error).split())}") from None

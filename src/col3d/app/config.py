@@ -13,13 +13,17 @@ from pydantic import (
     model_validator,
 )
 
+from col3d.app.trainer_options import TrainerOptions
+from col3d.callback_options import Entries
 from col3d.checks import check_known
-from col3d.data.options import Data, Probability, Size, Split
+from col3d.data.options import Data, Size, Split
+from col3d.logger_options import Loggers
 from col3d.losses.options import LossOptions, Weight
 from col3d.models.options import ModelOptions, model_options
-from col3d.optimizers import OptimizerOptions, optimizer_options
-from col3d.registry import DATASETS, MODELS
+from col3d.optimizers import OptimizerOptions, optimizer_options, sample_optimizer
+from col3d.registry import CALLBACKS, DATASETS, MODELS
 from col3d.reports.per_frame import DEPTH_METRICS, NORMAL_METRICS
+from col3d.schedulers import PlateauOptions, SchedulerOptions, scheduler_options, try_schedule
 from col3d.schema import NoneWord, Options
 
 Published = Literal["bts", "col3d_bts_cbam", "col3d_mtl_no_xtc", "col3d_mtl", "newcrfs", "monodepth_fpn"]
@@ -36,6 +40,7 @@ def of_the_table() -> list[str]:
 Model = Annotated[SerializeAsAny[ModelOptions], PlainValidator(model_options)]
 """A registered network's options: which there are is told by its name."""
 TheOptimizer = Annotated[SerializeAsAny[OptimizerOptions], PlainValidator(optimizer_options)]
+TheScheduler = Annotated[SerializeAsAny[SchedulerOptions], PlainValidator(scheduler_options)]
 """Likewise."""
 
 
@@ -61,62 +66,16 @@ class PhantomOptions(Options):
     seed: Annotated[int, Field(ge=0)]
 
 
-class ConstantOptions(Options):
-    """One learning rate throughout."""
-
-    name: Literal["constant"]
-
-
-class PolynomialOptions(Options):
-    """`hold` is the share of the steps before the learning rate begins to fall."""
-
-    name: Literal["polynomial"]
-    power: PositiveFloat
-    final_ratio: Probability
-    hold: Annotated[float, Field(ge=0, lt=1)]
-
-
-class StepOptions(Options):
-    """The learning rate times `factor` after every `epochs`."""
-
-    name: Literal["step"]
-    epochs: PositiveInt
-    factor: Annotated[float, Field(gt=0, le=1)]
-
-
-SchedulerOptions = ConstantOptions | PolynomialOptions | StepOptions
 TaskOptions = SupervisedOptions | AdversarialOptions
 
 
-class TrainerOptions(Options):
-    """What Lightning's Trainer is given."""
-
-    max_epochs: PositiveInt
-    accelerator: Literal["auto", "cpu", "gpu", "cuda"]
-    devices: PositiveInt | Literal["auto"]
-    strategy: Literal["auto", "ddp"]
-    precision: Literal["32-true", "bf16-mixed", "16-mixed"]
-    gradient_clip: Annotated[PositiveFloat | None, NoneWord]
-    accumulate: PositiveInt
-    compile: bool
-    deterministic: bool
-    limit_train_batches: PositiveInt | None
-
-
 class CallbackOptions(Options):
-    """What is written beside the metrics."""
+    """What is written beside the metrics, and callbacks that join the training."""
 
     panels: Annotated[int, Field(ge=0)]
     predictions: bool
     checkpoint_minutes: Weight
-
-
-class LoggerOptions(Options):
-    """`csv` always; `wandb` adds Weights & Biases."""
-
-    name: Literal["csv", "wandb"]
-    project: Annotated[str, Field(pattern=r"^[^/\\#?%:]+$")]
-    offline: bool
+    more: Entries = Field(default_factory=dict)
 
 
 class ProtocolOptions(Options):
@@ -173,10 +132,10 @@ class TrainOptions(Options):
     data: Data
     phantom: PhantomOptions
     optimizer: TheOptimizer
-    scheduler: Annotated[SchedulerOptions, ByName]
+    scheduler: TheScheduler
     trainer: TrainerOptions
     callbacks: CallbackOptions
-    logger: LoggerOptions
+    logger: Loggers
     protocol: Protocols
 
     @model_validator(mode="after")
@@ -207,12 +166,19 @@ class TrainOptions(Options):
                 "protocol: train.py scores under one protocol, at the network's resolution; "
                 f"got {', '.join(self.protocol)}; col3d evaluate scores under any"
             )
-        if self.callbacks.predictions and self.trainer.devices != 1:
+        if self.callbacks.predictions and self.trainer.processes != 1:
+            nodes = "" if self.trainer.num_nodes == 1 else f" trainer.num_nodes={self.trainer.num_nodes}"
             raise ValueError(
                 f"callbacks.predictions: one process writes them, got trainer.devices={self.trainer.devices}"
+                f"{nodes}"
             )
         if self.task.name == "adversarial":
             self._adversarial_fits()
+        if model.unfreeze_at is not None and model.unfreeze_at >= self.trainer.max_epochs:
+            raise ValueError(
+                f"model.unfreeze_at: expected fewer than trainer.max_epochs={self.trainer.max_epochs}, "
+                f"got {model.unfreeze_at}"
+            )
         normals = () if model.normals == "none" else NORMAL_METRICS
         measured = [f"val/{name}" for name in ("loss", *DEPTH_METRICS, *normals)]
         if unknown := [name for name in self.objective if name not in measured]:
@@ -220,6 +186,8 @@ class TrainOptions(Options):
                 f"objective: {', '.join(unknown)} is not measured with model={model.name}; there are "
                 f"{', '.join(measured)}"
             )
+        self._schedule_fits(measured)
+        self._callbacks_fit(measured)
         if not any(loss.lambdas):
             raise ValueError(f"loss.lambdas: at least one weight must be above 0, got {loss.lambdas}")
         if loss.learning_from("normals") and self.data.normals == "none":
@@ -231,10 +199,28 @@ class TrainOptions(Options):
         """The protocol that the training scores under, and its name."""
         return next(iter(self.protocol.items()))
 
+    def _callbacks_fit(self, measured: list[str]) -> None:
+        """What callbacks of Lightning watch is measured."""
+        logged = [f"train/{name}" for name in ("loss", *(f"loss_{term}" for term in self.loss.terms), "lr")]
+        for name, entry in self.callbacks.more.items():
+            monitor = getattr(entry, "monitor", None)
+            if isinstance(monitor, str) and CALLBACKS[entry.callback].package == "lightning":
+                check_known(f"callbacks.more.{name}.monitor", monitor, [*measured, *logged])
+
+    def _schedule_fits(self, measured: list[str]) -> None:
+        """Torch's rules for the schedule beside this optimiser, and what it watches."""
+        try_schedule(self.scheduler, sample_optimizer(self.optimizer), self.trainer.max_epochs)
+        if isinstance(self.scheduler, PlateauOptions):
+            check_known("scheduler.monitor", self.scheduler.monitor, measured)
+            if self.task.name == "adversarial":
+                raise ValueError(f"scheduler: {self.scheduler.name} is not for task=adversarial")
+
     def _adversarial_fits(self) -> None:
         given = self.trainer
         if given.accumulate > 1:
             raise ValueError(f"trainer.accumulate: task=adversarial steps each batch, got {given.accumulate}")
+        if given.gradient_clip_algorithm == "value":
+            raise ValueError("trainer.gradient_clip_algorithm: task=adversarial clips by norm, got value")
         if given.gradient_clip is not None and given.precision == "16-mixed":
             raise ValueError(
                 "trainer.gradient_clip: task=adversarial cannot clip scaled gradients; take bf16-mixed"

@@ -86,7 +86,7 @@ def decorate(
             summary = {**summary, "cost": measure_cost(task.network, (height, width))}
             write_json(folder.path / SUMMARY, summary)
     for logger in loggers:
-        with made.one("Weights & Biases"):
+        with made.one(type(logger).__name__):
             results.log(logger, summary)
     with made.one(PAGE):
         write_run_page(folder.path)
@@ -122,7 +122,7 @@ def _made_again(options: TrainOptions, folder: RunFolder, undone: Sequence[str])
     scored = Scored.after(options.data, "test")
     facts = facts_of(options.model.name, options.seed, scored, name)
     results = Results(facts, folder.path, KIND, scored, data.lengths(), options.callbacks.panels)
-    alone = options.trainer.model_copy(update={"devices": 1, "strategy": "auto"})
+    alone = options.trainer.model_copy(update={"devices": 1, "num_nodes": 1, "strategy": "auto"})
     kept = kept_predictions(options, folder.path) if PREDICTIONS in undone else []
     trainer = make_trainer(alone, [results.panels, *kept], [])
     trainer.test(task, datamodule=data, verbose=False)

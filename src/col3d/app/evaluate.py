@@ -9,7 +9,7 @@ from torch import Tensor
 
 from col3d.app import build
 from col3d.app.compiled import compile_network
-from col3d.app.config import EvaluateOptions, ProtocolOptions, TrainerOptions
+from col3d.app.config import EvaluateOptions, ProtocolOptions
 from col3d.app.data_state import part_state
 from col3d.app.decorations import Decorations
 from col3d.app.frames import full_frames, sized_frames
@@ -18,6 +18,7 @@ from col3d.app.machine import check_accelerator, make_trainer, quiet
 from col3d.app.results import Results, facts_of
 from col3d.app.stopping import stoppable
 from col3d.app.subject import Subject, subject_of
+from col3d.app.trainer_options import TrainerOptions
 from col3d.app.truth_check import has_truth
 from col3d.batch import Batch, Prediction
 from col3d.callbacks import SavePredictions, StopSignals

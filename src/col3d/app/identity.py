@@ -7,16 +7,25 @@ from typing import Any
 
 from col3d.app.config import TrainOptions
 
-UNRELATED = {"overwrite", "output_dir", "logger", "objective", "callbacks", "plugins"}
+UNRELATED = {"overwrite", "output_dir", "logger", "objective", "plugins"}
 """Groups and options that change nothing in the weights and numbers of a run."""
-UNRELATED_INSIDE = {("data", "workers"), ("data", "store")}
+UNRELATED_INSIDE = {
+    ("data", "workers"),
+    ("data", "store"),
+    ("trainer", "profiler"),
+    ("trainer", "log_every_n_steps"),
+    ("callbacks", "panels"),
+    ("callbacks", "predictions"),
+    ("callbacks", "checkpoint_minutes"),
+}
 
 
 def hash_of(options: TrainOptions) -> str:
     """Of all options that the weights and numbers of a run depend on."""
     content = _without_nulls(options.model_dump(mode="json", exclude=UNRELATED))
     for group, name in UNRELATED_INSIDE:
-        content[group].pop(name)
+        content[group].pop(name, None)
+    content = _without_nulls(content)
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 

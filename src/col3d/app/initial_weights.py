@@ -12,6 +12,10 @@ from col3d.checks import UserError
 from col3d.layers.weight_file import check_finite, check_fractions
 from col3d.models.published import OURS
 
+COLUMNS = ("taken", "not there", "of another shape there", "not used")
+SHAPES = 6
+"""How many that differ are said."""
+
 
 def begin_from(network: nn.Module, options: InitOptions, say: Callable[[str], None] = print) -> None:
     """Fill a network with those tensors of a checkpoint that have its names and shapes.
@@ -40,16 +44,8 @@ def begin_from(network: nn.Module, options: InitOptions, say: Callable[[str], No
         raise UserError(f"init.checkpoint: {options.checkpoint}: {error}") from None
     network.load_state_dict(fitting, strict=False)
     say(f"begins from {len(fitting)} of {len(wanted)} tensors of {options.checkpoint}")
-    absent = [name for name in wanted if name not in given]
-    reshaped = [name for name in shared if name not in fitting]
-    unused = [name for name in given if name not in wanted]
-    for names, what in (
-        (absent, "not in that file, and as they were initialised"),
-        (reshaped, "of another shape there, and as they were initialised"),
-        (unused, "in that file alone, and not used"),
-    ):
-        if names:
-            say(f"note: {what}: {_by_part(names)}")
+    for line in _table(network.state_dict(), given):
+        say(line)
 
 
 def _checked(options: InitOptions) -> Mapping[str, Tensor]:
@@ -80,8 +76,30 @@ def _tensors(options: InitOptions) -> Mapping[str, Tensor]:
     return ours
 
 
-def _by_part(names: list[str]) -> str:
-    """Names counted by the part of the network that they are in: `normal_decoder (18), head.weight`."""
-    parts = Counter(name.partition(".")[0] for name in names)
-    alone = {name.partition(".")[0]: name for name in names}
-    return ", ".join(alone[part] if count == 1 else f"{part} ({count})" for part, count in parts.items())
+def _table(wanted: Mapping[str, Tensor], given: Mapping[str, Tensor]) -> list[str]:
+    """What was not taken, part by part, and up to so many shapes that differ; nothing where all was taken."""
+    kinds: dict[str, Counter[str]] = {kind: Counter() for kind in COLUMNS}
+    reshaped = []
+    for name in {**wanted, **given}:
+        part = name.partition(".")[0]
+        if name not in wanted:
+            kinds["not used"][part] += 1
+        elif name not in given:
+            kinds["not there"][part] += 1
+        elif given[name].shape != wanted[name].shape:
+            kinds["of another shape there"][part] += 1
+            reshaped.append(f"{name} {tuple(wanted[name].shape)}, there {tuple(given[name].shape)}")
+        else:
+            kinds["taken"][part] += 1
+    parts = list(dict.fromkeys(name.partition(".")[0] for name in {**wanted, **given}))
+    if not any(counts for kind, counts in kinds.items() if kind != "taken"):
+        return []
+    width = max(map(len, [*parts, "tensors"]))
+    rows = ["  ".join(str(kinds[kind][part]).rjust(len(kind)) for kind in COLUMNS) for part in parts]
+    more = [] if len(reshaped) <= SHAPES else [f"and {len(reshaped) - SHAPES} more"]
+    return [
+        f"  {'tensors'.ljust(width)}  {'  '.join(COLUMNS)}",
+        *(f"  {part.ljust(width)}  {row}" for part, row in zip(parts, rows, strict=True)),
+        *(f"  {line}" for line in [*reshaped[:SHAPES], *more]),
+        "  what was not taken is as it was initialised",
+    ]

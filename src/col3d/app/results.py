@@ -4,8 +4,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from lightning import Callback, LightningModule
-from lightning.pytorch.loggers import Logger, WandbLogger
+from lightning.pytorch.loggers import Logger, MLFlowLogger, TensorBoardLogger, WandbLogger
+from PIL import Image
 
 from col3d.app.provenance import provenance
 from col3d.app.scored import Scored
@@ -101,8 +103,7 @@ class Results:
         best = summary["best"]
         logger.log_metrics({**scores, **({"epoch": best["epoch"]} if "epoch" in best else {})})
         logger.save()
-        if isinstance(logger, WandbLogger) and self.panels.paths:
-            logger.log_image("panels", [str(path) for path in self.panels.paths])
+        _show_pictures(logger, self.panels.paths)
 
     def show(self, summary: Mapping[str, Any], checkpoint: Path) -> None:
         """Print the table, and the paths."""
@@ -112,3 +113,14 @@ class Results:
         ]
         lines = [str(path) for path in (*wrote, self.folder / "panels", checkpoint) if path.exists()]
         print("wrote", *lines, sep="\n  ", flush=True)
+
+
+def _show_pictures(logger: Logger, paths: Sequence[Path]) -> None:
+    """Hand pictures to a logger that takes them."""
+    if isinstance(logger, WandbLogger) and paths:
+        logger.log_image("panels", [str(path) for path in paths])
+    for path in paths:
+        if isinstance(logger, TensorBoardLogger):
+            logger.experiment.add_image(f"panels/{path.stem}", np.array(Image.open(path)), dataformats="HWC")
+        elif isinstance(logger, MLFlowLogger):
+            logger.experiment.log_artifact(logger.run_id, str(path), "panels")

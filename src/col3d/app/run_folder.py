@@ -15,6 +15,7 @@ from col3d.app.starts import STARTS, Start, Starts
 from col3d.callbacks import BestCheckpoint
 from col3d.checks import UserError
 from col3d.earlier import updated
+from col3d.loggers import ID, MLFLOW_ID
 from col3d.models.options import file_of_weights
 from col3d.owned import Owned
 from col3d.refusals import check_options
@@ -22,6 +23,7 @@ from col3d.reports.jobs import RESULT, STATUS, TRAINING, read_plain
 from col3d.reports.predictions import INDEX, owned_predictions
 from col3d.reports.run_page import PAGE
 from col3d.reports.summary import write_json
+from col3d.schedulers import is_of_length
 from col3d.whole import write_whole
 
 CONFIG = "config.yaml"
@@ -32,7 +34,7 @@ KIND, OPTION = TRAINING, "hydra.run.dir"
 BEST, LAST = f"{CHECKPOINTS}/best.ckpt", f"{CHECKPOINTS}/last.ckpt"
 FILES = (
     *(RESULT, STATUS, CONFIG, STARTS, "summary.json", "per_frame.csv", "metrics.csv", "bad_batch.pt"),
-    *("wandb_id.txt", PAGE, BEST, LAST),
+    *(ID, MLFLOW_ID, PAGE, BEST, LAST),
 )
 DECORATIONS = ("cost", "panels", PAGE)
 """What is made after the result, and can be made again."""
@@ -166,7 +168,7 @@ class RunFolder:
     def _lengthened(self, before: dict[str, Any]) -> list[str]:
         """What still differs where a run of fewer epochs is to have more; notes that it goes on."""
         had, asked = before["trainer"]["max_epochs"], self.options.trainer.max_epochs
-        if not isinstance(had, int) or asked < had:
+        if not isinstance(had, int) or asked < had or is_of_length(self.options.scheduler):
             return [EPOCHS]
         self.longer = f", for {asked} epochs instead of {had}"
         if self.options.scheduler.name != "constant":

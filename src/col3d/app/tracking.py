@@ -1,95 +1,78 @@
-"""Weights & Biases, where it is asked for."""
+"""The loggers that are asked for, beside metrics.csv."""
 
-import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from inspect import signature
 from pathlib import Path
+from typing import Any
 
 from lightning.pytorch.loggers import Logger
-from pydantic import ValidationError
 
 from col3d.app.config import TrainOptions
 from col3d.app.rank import is_first
 from col3d.checks import UserError
+from col3d.registry import LOGGERS
 
-ID = "wandb_id.txt"
-"""Under which name W&B knows the run of a folder, for a training that goes on."""
-PATIENCE = 30
-"""Seconds to wait for W&B's server."""
+OURS = "col3d"
 
 
 @contextmanager
-def wandb_run(options: TrainOptions, folder: Path) -> Iterator[list[Logger]]:
-    """The logger, imported only now; a run that ends in an exception is marked as failed.
+def loggers_of(options: TrainOptions, folder: Path, run: str, goes_on: bool) -> Iterator[list[Logger]]:
+    """The loggers; a run that ends in an exception is marked as failed where they can.
 
-    Without a key, or where the server cannot be reached, W&B's files are kept in the folder.
+    Args:
+        options: of the training.
+        folder: of the run.
+        run: which is the same whenever the run goes on.
+        goes_on: whether it does; its options have been logged then.
 
     Raises:
-        UserError: an environment variable of W&B has a value that it does not know.
+        UserError: one cannot begin, in a line.
     """
-    if options.logger.name != "wandb" or not is_first():
+    if not is_first():
         yield []
         return
-    import wandb
-
-    code = 1
+    made, status = [_made(options, name, folder, run, goes_on) for name in options.logger], "failed"
     try:
-        yield [_logger(options, folder)]
-        code = 0
+        yield [*made]
+        status = "success"
     finally:
-        try:
-            wandb.finish(exit_code=code)
-        except Exception as error:  # whatever became of the server: the training is what it is
-            print(f"note: W&B did not end well ({type(error).__name__}: {error})", flush=True)
+        for name, logger in zip(options.logger, made, strict=True):
+            _end(name, logger, status)
 
 
-def _logger(options: TrainOptions, folder: Path) -> Logger:
-    import wandb
-    from lightning.pytorch.loggers import WandbLogger
-
-    _check_environment()
-
-    def started(offline: bool) -> Logger:
-        logger = WandbLogger(
-            name=folder.name,
-            save_dir=folder,
-            project=options.logger.project,
-            offline=offline,
-            id=_id(folder),
-            resume=None if offline else "allow",
-            config=options.model_dump(mode="json"),
-            settings=wandb.Settings(init_timeout=PATIENCE, login_timeout=PATIENCE),
-        )
-        _ = logger.experiment  # connects
-        return logger
-
-    if not options.logger.offline:
-        try:
-            if not wandb.login(prompt=False, timeout=PATIENCE):
-                raise wandb.errors.UsageError("there is no key; `wandb login` asks for one")
-            return started(offline=False)
-        except wandb.errors.Error as error:
-            reason = str(error).splitlines()[0].rstrip(".")
-            print(f"note: W&B goes on offline: {reason}; upload {folder}/wandb with `wandb sync`", flush=True)
-            wandb.teardown()
-    return started(offline=True)
-
-
-def _check_environment() -> None:
-    import wandb
-
+def _made(options: TrainOptions, name: str, folder: Path, run: str, goes_on: bool) -> Logger:
+    part, own = LOGGERS[name], options.logger[name].model_dump()
+    supplied = {"folder": folder, "run": run, "config": options.model_dump(mode="json")}
+    takes = signature(part.build).parameters
     try:
-        wandb.Settings().update_from_env_vars(dict(os.environ))
-    except ValidationError as error:
-        [fault, *_] = error.errors()
-        name, rule = f"WANDB_{str(fault['loc'][0]).upper()}", fault["msg"]
-        raise UserError(f"{name} of the environment: {rule}; got {fault['input']!r}") from None
+        logger: Logger = part.build(**{key: value for key, value in supplied.items() if key in takes}, **own)
+        if "config" not in takes and not goes_on:
+            logger.log_hyperparams(_flat(supplied["config"]))
+    except UserError:
+        raise
+    except Exception as error:
+        if part.package != OURS:
+            raise
+        said = " ".join(str(error).split())[:300]
+        raise UserError(f"logger.{name}: {type(error).__name__}: {said}") from None
+    return logger
 
 
-def _id(folder: Path) -> str:
-    path = folder / ID
-    known = path.read_text(encoding="utf-8").strip() if path.is_file() else ""
-    if not known:
-        known = os.urandom(4).hex()
-        path.write_text(f"{known}\n", encoding="utf-8")
-    return known
+def _flat(node: Any, place: str = "") -> dict[str, Any]:
+    """Options by dotted names."""
+    if not isinstance(node, dict):
+        return {place: node if isinstance(node, bool | int | float | str) else str(node)}
+    inside = (_flat(value, f"{place}.{key}".strip(".")) for key, value in node.items())
+    return {name: value for found in inside for name, value in found.items()}
+
+
+def _end(name: str, logger: Logger, status: str) -> None:
+    try:
+        logger.finalize(status)
+        if name == "wandb":
+            sys.modules["wandb"].finish(exit_code=int(status != "success"))
+    except Exception as error:  # whatever became of a server: the training is what it is
+        said = "W&B" if name == "wandb" else name
+        print(f"note: {said} did not end well ({type(error).__name__}: {error})", flush=True)

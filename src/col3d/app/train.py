@@ -27,8 +27,10 @@ from col3d.app.results import Results, facts_of
 from col3d.app.run_folder import CHECKPOINTS, KIND, RunFolder
 from col3d.app.scored import Scored
 from col3d.app.starts import this_start
-from col3d.app.tracking import wandb_run
+from col3d.app.tracking import loggers_of
+from col3d.app.trial import trial
 from col3d.app.truth_check import check_truth
+from col3d.callback_options import callbacks_of
 from col3d.callbacks import (
     About,
     BestCheckpoint,
@@ -38,8 +40,12 @@ from col3d.callbacks import (
     Stopped,
     StopSignals,
 )
+from col3d.callbacks.named import StoppedEarly
+from col3d.callbacks.same_batches import SameBatches
+from col3d.callbacks.unfreeze import Unfreeze
 from col3d.checks import UserError
 from col3d.data.datamodule import FrameDataModule
+from col3d.logger_options import check_installed
 from col3d.losses import WeightedLoss
 from col3d.refusals import check_options
 from col3d.tasks import SupervisedTask
@@ -68,6 +74,15 @@ def train(given: Mapping[str, Any]) -> float | tuple[float, ...]:
     quiet()
     options = check_options(TrainOptions, given)
     check_accelerator(options.trainer.accelerator)
+    check_installed(options.logger)
+    if options.trainer.fast_dev_run:
+        with trial(options) as options_of_trial:
+            return _at_work(options_of_trial)
+    return _at_work(options)
+
+
+def _at_work(options: TrainOptions) -> float | tuple[float, ...]:
+    """What comes of the options in their folder."""
     data = settled(options.data, options.phantom)
     options = options.model_copy(update={"data": data})
     path = Path(options.output_dir)
@@ -119,7 +134,8 @@ def _run(options: TrainOptions, folder: RunFolder, stop: StopSignals, status: Jo
         scored.print_audit()
         folder.begin(this_start(options))
     status.write("running")
-    with wandb_run(options, folder.path) as loggers:
+    goes_on = folder.cut_off is not None
+    with loggers_of(options, folder.path, folder.starts.run, goes_on) as loggers:
         table = MetricsFile(folder.path / "metrics.csv", folder.rows)
         loggers.append(table)
         _fit_and_test(options, folder, frames, task, scored, loggers, RowsInCheckpoints(table), stop, status)
@@ -157,9 +173,19 @@ def _fit_and_test(
     about = About({"run": folder.starts.run, **provenance(), **data.about(), "split": split})
     trainer = make_trainer(
         options.trainer,
-        [about, rows, best, last, *watchers, *results.callbacks, *kept],
+        [
+            *joining(options, task),
+            about,
+            rows,
+            best,
+            last,
+            *watchers,
+            *results.callbacks,
+            *kept,
+        ],
         loggers,
         adversarial=options.task.name == "adversarial",
+        folder=folder.path,
     )
     with in_a_line(_smaller(options)):
         trainer.fit(task, datamodule=data, ckpt_path=folder.cut_off, weights_only=True)
@@ -172,6 +198,8 @@ def _fit_and_test(
         trainer.test(task, datamodule=data, verbose=False)
     summary = {}
     if is_first():
+        if options.trainer.limit_test_batches is not None or options.trainer.overfit_batches is not None:
+            print("note: tested on some batches of the test split alone, as trainer.limit_* says", flush=True)
         found = {**best.metrics, "epoch": epoch}
         tables = [logger for logger in loggers if isinstance(logger, MetricsFile)]
         summary = results.write(task, best.path, found, tables)
@@ -180,6 +208,15 @@ def _fit_and_test(
     shown = decorate(folder, results, summary, task, others)
     if is_first():
         results.show(shown, best.path)
+
+
+def joining(options: TrainOptions, task: SupervisedTask) -> list[Callback]:
+    """The callbacks that options name or ask for; they come before those that save."""
+    named: list[Callback] = callbacks_of(options.callbacks.more)
+    asked: list[Callback] = [] if options.trainer.overfit_batches is None else [SameBatches()]
+    if options.model.unfreeze_at is not None:
+        asked.append(Unfreeze(task.network.get_submodule("encoder"), options.model.unfreeze_at))
+    return [*asked, *named, *([StoppedEarly()] if named else [])]
 
 
 def _smaller(options: TrainOptions) -> str:

@@ -14,6 +14,7 @@ from col3d.checks import UserError
 from col3d.data.options import SourceOptions
 from col3d.models.options import untrained
 from col3d.reports.places import command_without_places, last_name, without_places
+from col3d.tasks.supervised import DEPTH_SEEN
 
 SAME = 2e-2
 """Largest difference that rounding the weights may make: as a part of depth, in a component of normals."""
@@ -54,6 +55,7 @@ def write_weights(source: Path, path: Path) -> float:
         kept["command"] = command_without_places(about["command"])
     content: dict[str, Any] = {
         "state_dict": {name: _halved(values) for name, values in task.state_dict().items()},
+        DEPTH_SEEN: task.depth_seen,
         "epoch": checkpoint["epoch"],
         "hyper_parameters": {"options": without_places(options.model_copy(update=elsewhere).model_dump())},
         "about": kept,

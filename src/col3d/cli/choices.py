@@ -2,12 +2,21 @@
 
 import re
 
+from omegaconf import OmegaConf
+
 from col3d.checks import nearest_name
 from col3d.cli.files import CONF, is_group, names_in
 from col3d.cli.refusals import refuse
 
 TAKE_A_WORD = ("--config-dir", "-cd", "--config-path", "-cp", "--config-name", "-cn", "--package", "-p")
 """Hydra's own options after which a word follows."""
+SEVERAL = ("protocol", "logger")
+"""Groups of which several may be chosen."""
+BEFORE = {f"logger.{option}": f"logger.wandb.{option}" for option in ("project", "offline")}
+"""What options were called while there was one logger alone."""
+OPEN = ("loss.terms.", "callbacks.more.")
+ENTRY = re.compile(r"callbacks\.more\.[^.=]+=(?!null$)[^{\[=]+")
+"""An entry by the name of its callback alone, whose options may be said, too."""
 MAY_BE_NULL = [(group, "null") for group in ("experiment", "variant", "data")]
 
 
@@ -17,7 +26,7 @@ def check_choices(arguments: list[str]) -> None:
         group, _, choice = argument.partition("=")
         if is_group(group) and re.match(r"[\[\d]|(null|none)?$", choice):
             known = names_in(group)
-            if (group, choice) not in MAY_BE_NULL and not (group == "protocol" and choice.startswith("[")):
+            if (group, choice) not in MAY_BE_NULL and not (group in SEVERAL and choice.startswith("[")):
                 refuse(
                     f"{group}: expected one of {', '.join(known)}, got {choice!r}; sweep with -m {group}=a,b"
                 )
@@ -33,16 +42,23 @@ def _overrides(arguments: list[str]) -> list[str]:
     ]
 
 
+def _is_of_trainer_alone(option: str) -> bool:
+    """Whether only Lightning has it, not the configuration: the program says why."""
+    group, _, name = option.partition(".")
+    return group == "trainer" and bool(name) and name not in OmegaConf.load(CONF / "trainer" / "default.yaml")
+
+
 def as_groups(argument: str) -> list[str]:
     """How Hydra wants said what its grammar has other words for: `data.test=simcol3d`, a term of a loss."""
     option, _, value = argument.partition("=")
-    if option.startswith("loss.terms."):  # of a mapping that is open to more
-        return [f"++{argument}"]
+    option = BEFORE.get(option, option)
+    if option.startswith(OPEN) or _is_of_trainer_alone(option):  # mappings that are open to more
+        return [f"++{option}.callback={value}" if ENTRY.fullmatch(argument) else f"++{argument}"]
     names = value.strip("[]").split(",")
     if option == "data.split" and (CONF / "data/split" / f"{value}.yaml").is_file():
         return [f"data/split={value}"]
     if option not in ("data.test", "data.also") or value in ("null", "{}"):
-        return [argument]
+        return [f"{option}={value}" if option in BEFORE.values() else argument]
     known = names_in("data/source")
     for name in names:
         if name not in known:

@@ -60,3 +60,21 @@ def freeze(network: nn.Module, policies: Iterable[str]) -> None:
         if policy.startswith("batch_norm") and not has_batch_norms:
             raise OptionError(f"model.freeze: {policy} finds no batch norm in the encoder")
         known(encoder)
+
+
+def thaw(network: nn.Module, policies: Iterable[str]) -> None:
+    """Let an encoder learn again that was kept as a whole, but for parts that other policies keep."""
+    network.get_submodule("encoder").requires_grad_(True)
+    freeze(network, [policy for policy in policies if policy != "encoder"])
+
+
+def check_learns(network: nn.Module) -> None:
+    """Refuse a network without a parameter that learns.
+
+    Raises:
+        OptionError: says whether it has none, or all are kept.
+    """
+    parameters = list(network.parameters())
+    if not any(parameter.requires_grad for parameter in parameters):
+        why = "keeps all its parameters" if parameters else "has no parameters"
+        raise OptionError(f"model: {type(network).__name__} {why}: there is nothing to train")

@@ -9,7 +9,7 @@ from pydantic_core import PydanticUndefined
 
 from col3d.checks import OptionError
 from col3d.registry import MODELS, Part
-from col3d.schema import Options, plain
+from col3d.schema import NoneWord, Options, plain
 
 MaxDepth = Annotated[float, Field(gt=0)]
 """Upper bound of the depth in mm."""
@@ -36,6 +36,8 @@ class ModelOptions(Options):
     freeze: list[Literal["first_conv", "batch_norm", "batch_norm_statistics", "encoder"]] = Field(
         default_factory=list
     )
+    unfreeze_at: Annotated[Annotated[int, Field(ge=1)] | None, NoneWord] = None
+    """The epoch, the first being 0, from which an encoder that is kept learns, too."""
 
 
 def untrained(options: ModelOptions) -> ModelOptions:
@@ -69,6 +71,8 @@ def model_options(given: Any) -> ModelOptions:
         raise OptionError(f"model.normals: {options.name} always predicts normals{instead(part)}")
     if options.normals == "none" and options.normal_frame == "ray":
         raise OptionError("model.normal_frame: ray is for predicted normals, and model.normals is none")
+    if options.unfreeze_at is not None and "encoder" not in options.freeze:
+        raise OptionError("model.unfreeze_at: is of model.freeze=[encoder], and nothing of that is kept")
     return options
 
 
@@ -87,7 +91,14 @@ def node(part: Part) -> dict[str, Any]:
         special = {name: given[option] for name, given in presets.items() if option in given}
         values[option] = by_preset(special, usual) if special else usual
     normals = "unc" if "normals" in part.facts["predicts"] else "none"
-    return {"name": part.name, **values, "normals": normals, "normal_frame": "camera", "freeze": []}
+    return {
+        "name": part.name,
+        **values,
+        "normals": normals,
+        "normal_frame": "camera",
+        "freeze": [],
+        "unfreeze_at": None,
+    }
 
 
 def by_preset(special: Mapping[str, Any], usual: Any) -> str:

@@ -54,8 +54,9 @@ class AdversarialTask(SupervisedTask):
         self._step(generating, total)
         self.untoggle_optimizer(generating)
         self.log_train({"loss_adversarial": adversarial, "loss_discriminator": taught}, batch)
-        for schedule in self._schedules():
-            schedule.step()
+        for config in self.trainer.lr_scheduler_configs:
+            if config.interval == "step" or self.trainer.is_last_batch:
+                config.scheduler.step()  # type: ignore[call-arg]
 
     def _teach(self, optimizer: LightningOptimizer, prediction: Prediction, batch: Batch) -> Tensor:
         self.toggle_optimizer(optimizer)
@@ -76,10 +77,6 @@ class AdversarialTask(SupervisedTask):
     def _pair(self, batch: Batch, depth: Tensor) -> Float[Tensor, "b 4 h w"]:
         known = torch.where(batch["mask"], depth, 0.0)
         return torch.cat([2 * batch["image"] - 1, 2 * known / self.max_depth - 1], dim=1)
-
-    def _schedules(self) -> list[Any]:
-        found = self.lr_schedulers()
-        return found if isinstance(found, list) else [] if found is None else [found]
 
     def configure_optimizers(self) -> Any:
         """The same optimiser and schedule for the network and for the discriminator."""

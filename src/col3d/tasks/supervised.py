@@ -7,9 +7,11 @@ from typing import Any, TypedDict
 import torch
 from lightning import LightningModule
 from torch import Tensor, nn
+from torch.optim.lr_scheduler import LRScheduler, OneCycleLR, ReduceLROnPlateau
 from torchmetrics import MeanMetric
 
 from col3d.batch import Batch, Prediction, normals_mask
+from col3d.checks import UserError
 from col3d.metrics import DepthMetrics, FrameMean, NormalMetrics, Protocol
 from col3d.optimisation import OptimizerFactory, SchedulerFactory
 from col3d.tasks.epoch_totals import EpochTotals
@@ -17,6 +19,8 @@ from col3d.tasks.mirror import mirror_average
 
 EPOCH = "epoch_so_far"
 """Where a checkpoint keeps the sums of an epoch that is under way."""
+DEPTH_SEEN = "depth_seen"
+"""Where a checkpoint keeps the sum of the training depths in mm and their number."""
 
 
 class Scored(TypedDict):
@@ -36,7 +40,9 @@ class SupervisedTask(LightningModule):
         network: (image, rays) -> `Prediction`.
         loss: (prediction, batch, epoch) -> terms by name and `total`; None where nothing is trained.
         optimizer: network -> optimiser.
-        scheduler: (optimiser, steps, epochs of the training) -> learning-rate schedule, stepped each batch.
+        scheduler: (optimiser, steps of the schedule, epochs of the training) -> learning-rate schedule.
+        interval: what the schedule is stepped after, "step" or "epoch".
+        monitor: the metric that a schedule watches which watches one.
         options: plain options that built all this, kept in the checkpoint.
         protocol: how a test scores; the house's when absent.
         mirror: how a test averages the prediction with that of the mirrored frame: "mean", "ramp" or None.
@@ -45,9 +51,9 @@ class SupervisedTask(LightningModule):
     """
 
     depth_seen: Tensor
-    """Sum of the training depths in mm, and their number."""
+    """Sum of the training depths in mm, and their number. No buffer: averages of weights take buffers in."""
     _seen: Tensor
-    """The same of the epoch that is under way; a buffer would be overwritten by the first process."""
+    """The same of the epoch that is under way."""
 
     def __init__(
         self,
@@ -59,11 +65,14 @@ class SupervisedTask(LightningModule):
         protocol: Protocol | None = None,
         mirror: str | None = None,
         seed: int = 0,
+        interval: str = "step",
+        monitor: str | None = None,
     ) -> None:
         super().__init__()
         self.save_hyperparameters({"options": dict(options or {})}, logger=False)
         self.network, self.loss = network, loss
         self.optimizer, self.scheduler = optimizer, scheduler
+        self.interval, self.monitor = interval, monitor
         self.protocol, self.mirror, self.seed = protocol or Protocol(), mirror, seed
         self.val_metrics: dict[str, FrameMean] = nn.ModuleDict({"depth": DepthMetrics()})  # type: ignore[assignment]
         if "normals" in getattr(network, "tasks", ()):
@@ -73,7 +82,7 @@ class SupervisedTask(LightningModule):
         self.val_losses: dict[str, MeanMetric] = nn.ModuleDict(means)  # type: ignore[assignment]
         self.last_terms: dict[str, Tensor] = {}
         self.totals = EpochTotals()
-        self.register_buffer("depth_seen", torch.zeros(2, dtype=torch.float64))
+        self.depth_seen = torch.zeros(2, dtype=torch.float64)
 
     def forward(self, batch: Batch) -> Prediction:
         """The network's prediction for the frames of a batch."""
@@ -110,7 +119,7 @@ class SupervisedTask(LightningModule):
     def on_train_epoch_start(self) -> None:
         """Begin the means, and that of the depth."""
         self.totals.reset()
-        self._seen = torch.zeros_like(self.depth_seen)
+        self._seen = torch.zeros_like(self.depth_seen, device=self.device)
 
     def on_train_batch_start(self, batch: Batch, batch_idx: int) -> None:
         """Seed each step: Lightning's loader draws too, in a training that goes on at another moment."""
@@ -118,12 +127,22 @@ class SupervisedTask(LightningModule):
         torch.manual_seed(zlib.crc32(place.encode()))
 
     def on_train_epoch_end(self) -> None:
-        """Keep the mean training depth, over all processes."""
+        """Keep the mean training depth, over all processes, and let schedules see what was measured."""
         if self.current_epoch == 0:
-            self.depth_seen.copy_(self._sum(self._seen))
+            self.depth_seen = self._sum(self._seen).cpu()
+        if self._validated:
+            self._watch()
+        else:
+            self.log_dict(self.totals.compute(self._sum), sync_dist=True)
+
+    @property
+    def _validated(self) -> bool:
+        """Whether the epoch is one that is validated."""
+        return (self.current_epoch + 1) % (self.trainer.check_val_every_n_epoch or 1) == 0
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Keep the sums of the epoch that is under way, over all processes."""
+        """Keep the mean training depth, and the sums of the epoch that is under way, over all processes."""
+        checkpoint[DEPTH_SEEN] = self.depth_seen.clone()
         checkpoint[EPOCH] = {
             "totals": self.totals.state(self._sum),
             "depth_seen": self._sum(self._seen).cpu(),
@@ -131,9 +150,22 @@ class SupervisedTask(LightningModule):
 
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Go on with them."""
+        self.take_depth_seen(checkpoint)
         kept, first = checkpoint[EPOCH], self.global_rank == 0
         self.totals.load(kept["totals"], first, self.device)
         self._seen = kept["depth_seen"].to(self.device) * first
+
+    def take_depth_seen(self, checkpoint: dict[str, Any]) -> None:
+        """Take the mean training depth of a checkpoint; those of before have it among their weights.
+
+        Raises:
+            ValueError: it is no pair of numbers.
+        """
+        early = checkpoint["state_dict"].pop(DEPTH_SEEN, None)
+        kept = checkpoint.get(DEPTH_SEEN, early)
+        if not (isinstance(kept, Tensor) and kept.shape == (2,) and bool(kept.isfinite().all())):
+            raise ValueError(f"{DEPTH_SEEN} must be a sum and a number, got {kept!r}")
+        self.depth_seen = kept.double().cpu()
 
     def _sum(self, values: Tensor) -> Tensor:
         """Over all processes."""
@@ -165,7 +197,7 @@ class SupervisedTask(LightningModule):
 
     def test_step(self, batch: Batch, batch_idx: int) -> Scored:
         """Prediction and the metrics of each frame."""
-        prediction = self._tested(batch)
+        prediction = known_maps(self._tested(batch))
         values, baseline = self.protocol.score(prediction, batch), {}
         mean = self.mean_depth
         if mean is not None:
@@ -176,7 +208,7 @@ class SupervisedTask(LightningModule):
     def mean_depth(self) -> Tensor | None:
         """The mean depth of the training frames in mm; None before any training."""
         total, pixels = self.depth_seen
-        return (total / pixels).float() if pixels > 0 else None
+        return (total / pixels).float().to(self.device) if pixels > 0 else None
 
     def _tested(self, batch: Batch) -> Prediction:
         if self.mirror is None:
@@ -195,8 +227,50 @@ class SupervisedTask(LightningModule):
         if self.scheduler is None:
             return {"optimizer": built}
         epochs = self.trainer.max_epochs or 1
-        schedule = self.scheduler(built, int(self.trainer.estimated_stepping_batches), epochs)
-        return {"optimizer": built, "lr_scheduler": {"scheduler": schedule, "interval": "step"}}
+        per_step = self.interval == "step"
+        steps = int(self.trainer.estimated_stepping_batches) if per_step else epochs
+        schedule = self.scheduler(built, steps, epochs)
+        if schedule is None:
+            return {"optimizer": built}
+        _check_length(schedule, steps)
+        watched = {} if self.monitor is None else {"monitor": self.monitor, "strict": False}
+        how = {"scheduler": schedule, "interval": self.interval, **watched}
+        return {"optimizer": built, "lr_scheduler": how}
+
+    def lr_scheduler_step(self, scheduler: Any, metric: Any | None) -> None:
+        """Step a schedule; one that watches a metric is stepped before the epoch is saved, by `_watch`."""
+        if not isinstance(scheduler, ReduceLROnPlateau):
+            scheduler.step()
+
+    def _watch(self) -> None:
+        """Step schedules that watch a metric.
+
+        Lightning would step them after it has saved the epoch, and a training that goes on never.
+        """
+        for config in self.trainer.lr_scheduler_configs:
+            if isinstance(config.scheduler, ReduceLROnPlateau):
+                config.scheduler.step(self.trainer.callback_metrics[str(self.monitor)])
+
+
+def _check_length(schedule: LRScheduler, steps: int) -> None:
+    """Refuse a schedule that ends before the training does, which torch says in its middle.
+
+    Raises:
+        UserError: names the option.
+    """
+    if isinstance(schedule, OneCycleLR) and schedule.total_steps < steps:
+        raise UserError(
+            f"scheduler.total_steps: expected at least the {steps} of this training, got "
+            f"{schedule.total_steps}; left out, it is as long as the training"
+        )
+
+
+def known_maps(prediction: Prediction) -> Prediction:
+    """What metrics, pictures and files know of a prediction; networks may return more for losses."""
+    found: Prediction = {"depth": prediction["depth"]}
+    if "normals" in prediction:
+        found["normals"] = prediction["normals"]
+    return found
 
 
 def _named(losses: Mapping[str, Tensor]) -> dict[str, Tensor]:

@@ -119,7 +119,7 @@ def _load_ours(source: str, tensors: dict[str, Tensor], checkpoint: Mapping[str,
     """A checkpoint of this package: its own options say what to build."""
     try:
         model = dict(checkpoint["hyper_parameters"]["options"]["model"]) | {"pretrained": None}
-        network = create(**{k: v for k, v in model.items() if k != "freeze"})
+        network = create(**{k: v for k, v in model.items() if k not in ("freeze", "unfreeze_at")})
     except (KeyError, TypeError) as error:
         raise ValueError(
             f"state_dict: a checkpoint of train.py must hold the options of its network; {error}"

@@ -1,0 +1,253 @@
+"""Schedules by name: each of torch steps and goes on, with its own options, checked."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from lightning import Callback, LightningModule, Trainer
+from lightning.pytorch.callbacks import ModelCheckpoint
+from tiny_task import LOSS, QUIET, TinyNetwork, frames
+from torch import nn
+from torch.optim import lr_scheduler
+from torch.utils.data import DataLoader
+
+from col3d.checks import OptionError, UserError
+from col3d.refusals import checked
+from col3d.registry import SCHEDULERS, available, describe, register_scheduler
+from col3d.schedulers import (
+    SchedulerOptions,
+    interval_of,
+    is_of_length,
+    node,
+    scheduler_of,
+    scheduler_options,
+    try_schedule,
+)
+from col3d.tasks import SupervisedTask
+
+NEEDED: dict[str, dict[str, Any]] = {
+    "OneCycleLR": {"max_lr": 0.1},
+    "CyclicLR": {"base_lr": 0.01, "max_lr": 0.1, "step_size_up": 2, "cycle_momentum": False},
+    "StepLR": {"step_size": 2},
+    "MultiStepLR": {"milestones": [1, 3]},
+    "ExponentialLR": {"gamma": 0.5},
+    "CosineAnnealingWarmRestarts": {"T_0": 2},
+    "ConstantLR": {"total_iters": 2},
+    "step": {"epochs": 1},
+}
+"""What schedules cannot do without."""
+
+
+def options(name: str, **changes: Any) -> Any:
+    given = {key: value for key, value in node(SCHEDULERS[name]).items() if value != "???"}
+    return scheduler_options({**given, **NEEDED.get(name, {}), **changes})
+
+
+def sgd(rate: float = 2.0, groups: int = 1) -> torch.optim.Optimizer:
+    made = [{"params": [nn.Parameter(torch.zeros(()))]} for _ in range(groups)]
+    return torch.optim.SGD(made, lr=rate, momentum=0.9)
+
+
+def rates(schedule: Any, optimizer: torch.optim.Optimizer, steps: int) -> list[float]:
+    found = []
+    for _ in range(steps):
+        found.append(optimizer.param_groups[0]["lr"])
+        optimizer.step()
+        schedule.step()
+    return found
+
+
+def test_what_torch_has_is_here() -> None:
+    theirs = {"OneCycleLR", "CosineAnnealingLR", "CosineAnnealingWarmRestarts", "CyclicLR", "LinearLR"}
+    theirs |= {"StepLR", "MultiStepLR", "ConstantLR", "ExponentialLR", "PolynomialLR", "ReduceLROnPlateau"}
+    assert {*available("scheduler")} == {"constant", "polynomial", "step", *theirs}
+    assert "scheduler.power" in describe("scheduler", "polynomial")
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "torchs"),
+    [
+        ("OneCycleLR", {}, lambda o: lr_scheduler.OneCycleLR(o, 0.1, total_steps=12)),
+        (
+            "OneCycleLR",
+            {"total_steps": 20, "pct_start": 0.5},
+            lambda o: lr_scheduler.OneCycleLR(o, 0.1, 20, pct_start=0.5),
+        ),
+        ("OneCycleLR", {"epochs": 5}, lambda o: lr_scheduler.OneCycleLR(o, 0.1, total_steps=20)),
+        ("OneCycleLR", {"steps_per_epoch": 6}, lambda o: lr_scheduler.OneCycleLR(o, 0.1, total_steps=18)),
+        ("CosineAnnealingLR", {"eta_min": 0.1}, lambda o: lr_scheduler.CosineAnnealingLR(o, 12, 0.1)),
+        ("CosineAnnealingLR", {"T_max": 4}, lambda o: lr_scheduler.CosineAnnealingLR(o, 4)),
+        ("PolynomialLR", {"power": 2.0}, lambda o: lr_scheduler.PolynomialLR(o, 12, 2.0)),
+        ("LinearLR", {"total_iters": 3}, lambda o: lr_scheduler.LinearLR(o, total_iters=3)),
+        ("LinearLR", {"total_iters": "none"}, lambda o: lr_scheduler.LinearLR(o, total_iters=12)),
+        ("MultiStepLR", {}, lambda o: lr_scheduler.MultiStepLR(o, [1, 3])),
+    ],
+)
+def test_counts_are_those_of_the_training_unless_given(name: str, given: Any, torchs: Any) -> None:
+    ours, theirs = sgd(), sgd()
+    built = scheduler_of(options(name, **given))(ours, 12, 3)
+    assert rates(built, ours, 12) == rates(torchs(theirs), theirs, 12)
+    assert is_of_length(options(name, **given)) == (
+        name in ("OneCycleLR", "CosineAnnealingLR", "PolynomialLR", "LinearLR")
+        and given.get("T_max", given.get("total_steps", given.get("total_iters", "none"))) == "none"
+    )
+
+
+def test_ours_give_the_rates_of_before_to_the_bit() -> None:
+    """Their formulas as they were: of steps, and of a period that is rounded down."""
+    expected = {
+        "polynomial": [0.1 + 0.9 * (1 - max(0.0, s - 0.25 * 10) / 7.5) ** 0.9 for s in range(10)],
+        "step": [0.1 ** (s // (2 * 10 // 3)) for s in range(10)],
+    }
+    for name, changes in (("polynomial", {"hold": 0.25}), ("step", {"epochs": 2})):
+        optimizer = sgd(1.0)
+        built = scheduler_of(options(name, **changes))(optimizer, 10, 3)
+        assert rates(built, optimizer, 10) == expected[name]
+    assert scheduler_of(options("constant"))(sgd(), 10, 3) is None
+    assert [interval_of(options(name)) for name in ("constant", "polynomial", "step")] == ["step"] * 3
+
+
+def test_rates_of_groups_keep_their_scale() -> None:
+    optimizer = sgd(groups=2)
+    optimizer.param_groups[0]["lr_scale"] = 0.5
+    scheduler_of(options("OneCycleLR"))(optimizer, 12, 3)
+    assert [group["max_lr"] for group in optimizer.param_groups] == pytest.approx([0.05, 0.1])
+
+
+class Rates(Callback):
+    """Those of each step."""
+
+    def __init__(self) -> None:
+        self.rates = list[float]()
+
+    def on_train_batch_start(
+        self, trainer: Trainer, pl_module: LightningModule, batch: Any, batch_idx: int
+    ) -> None:
+        self.rates.append(trainer.optimizers[0].param_groups[0]["lr"])
+
+
+def fitted(name: str, folder: Path, start: Path | None = None, **changes: Any) -> list[float]:
+    """The rates of four epochs of two steps, each epoch saved as trainings here save it."""
+    given = options(name, **changes)
+    torch.manual_seed(0)
+    task = SupervisedTask(
+        TinyNetwork(dropout=0.0),
+        LOSS,
+        lambda network: torch.optim.SGD(network.parameters(), lr=0.1, momentum=0.9),
+        scheduler_of(given),
+        interval=interval_of(given),
+        monitor=getattr(given, "monitor", None),
+    )
+    watch = Rates()
+    saving = ModelCheckpoint(folder, "{epoch}", save_top_k=-1, save_on_train_epoch_end=True)
+    trainer = Trainer(**QUIET | {"max_epochs": 4, "callbacks": [watch, saving], "enable_checkpointing": True})
+    loader: DataLoader[Any] = DataLoader(frames(), batch_size=2)  # type: ignore[arg-type]
+    trainer.fit(task, loader, loader, ckpt_path=start, weights_only=True)
+    return watch.rates
+
+
+@pytest.mark.filterwarnings("ignore:Detected call of `lr_scheduler.step")
+@pytest.mark.filterwarnings("ignore:The dirpath has changed|.*does not have many workers|.*exists and is not")
+@pytest.mark.filterwarnings("ignore:A `OneCycleLR` scheduler is using|A `CyclicLR` scheduler is using")
+@pytest.mark.parametrize("interval", ["step", "epoch", None])
+@pytest.mark.parametrize("name", available("scheduler"))
+def test_each_goes_on_at_the_rates_of_one_that_was_not_cut_off(
+    name: str, interval: str | None, tmp_path: Path
+) -> None:
+    changes: dict[str, Any] = {} if interval is None else {"interval": interval}
+    if name == "ReduceLROnPlateau":
+        changes = {"patience": 0, "monitor": "val/abs_rel", "threshold": 0.5}
+    whole = fitted(name, tmp_path, **changes)
+    assert fitted(name, tmp_path / "again", tmp_path / "epoch=1.ckpt", **changes) == whole[4:]
+    assert len(whole) == 8
+    assert (len({*whole}) == 1) == (name == "constant")
+
+
+def test_a_cycle_that_is_shorter_than_the_training_is_refused_before_its_first_step(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"^scheduler.total_steps: expected at least the 8 of this training"):
+        fitted("OneCycleLR", tmp_path, total_steps=3)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"name": "OneCycelLR"}, "scheduler.name: 'OneCycelLR' is unknown; did you mean 'OneCycleLR'"),
+        ({}, "scheduler.name: a value is needed"),
+        ({"name": "LambdaLR"}, "scheduler.name: 'LambdaLR' is unknown"),
+        (
+            {"name": "StepLR", "step_size": 2, "gama": 0.1},
+            "scheduler.gama: no such option; did you mean 'scheduler.gamma'",
+        ),
+        (
+            {"name": "ReduceLROnPlateau", "interval": "step"},
+            "scheduler.interval: ReduceLROnPlateau is stepped after",
+        ),
+        ({"name": "StepLR", "step_size": 2, "monitor": "val/loss"}, "scheduler.monitor: no such option"),
+    ],
+)
+def test_each_mistake_is_one_line(given: dict[str, Any], message: str) -> None:
+    with pytest.raises(OptionError) as error:
+        scheduler_options(given)
+    assert str(error.value).startswith(message)
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "message"),
+    [
+        ("OneCycleLR", {}, "scheduler.max_lr: a value is needed"),
+        ("StepLR", {"step_size": "x"}, "scheduler.step_size: expected a valid integer"),
+        ("CosineAnnealingLR", {"T_max": 0}, "scheduler.T_max: expected greater than 0"),
+        ("CosineAnnealingLR", {"interval": "batch"}, "scheduler.interval: expected 'step' or 'epoch'"),
+        ("step", {"factor": 0}, "scheduler.factor: expected greater than 0, got 0"),
+    ],
+)
+def test_values_are_held_against_the_signature(name: str, given: dict[str, Any], message: str) -> None:
+    from col3d.schedulers import _base
+
+    part = SCHEDULERS[name]
+    with pytest.raises(OptionError) as error:
+        checked(part.options(_base(part)), {"name": name, **given}, "scheduler")
+    assert str(error.value).startswith(message)
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "optimizer", "message"),
+    [
+        ("OneCycleLR", {"pct_start": 2.0}, sgd(), "scheduler: OneCycleLR: Expected float between 0 and 1"),
+        (
+            "CyclicLR",
+            {"cycle_momentum": True},
+            torch.optim.Adagrad([nn.Parameter(torch.zeros(()))]),
+            "scheduler: CyclicLR: optimizer must support momentum",
+        ),
+        ("ReduceLROnPlateau", {"factor": 1.5}, sgd(), "scheduler: ReduceLROnPlateau: Factor should be < 1.0"),
+    ],
+)
+def test_rules_of_torch_are_one_line(name: str, given: Any, optimizer: Any, message: str) -> None:
+    with pytest.raises(OptionError) as error:
+        try_schedule(options(name, **given), optimizer, 2)
+    assert str(error.value).startswith(message)
+
+
+def test_a_schedule_of_somebody_s_is_told_how_long_the_training_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(SCHEDULERS, "parts", dict(SCHEDULERS.parts))
+
+    @register_scheduler("warm")
+    def warm(optimizer: Any, training: Any, share: float = 0.5) -> Any:
+        """A line upwards."""
+        return lr_scheduler.LambdaLR(optimizer, lambda s: min(1.0, (s + 1) / (share * training.steps)))
+
+    optimizer = sgd(1.0)
+    found: SchedulerOptions = options("warm", share=1.0)
+    assert interval_of(found) == "epoch"
+    assert rates(scheduler_of(found)(optimizer, 4, 4), optimizer, 4) == [0.25, 0.5, 0.75, 1.0]
+    assert not is_of_length(found)
+
+    @register_scheduler("odd")
+    def odd(optimizer: Any) -> Any:
+        raise ValueError("mine")
+
+    with pytest.raises(ValueError, match=r"^mine$") as error:
+        try_schedule(options("odd"), sgd(), 1)
+    assert not isinstance(error.value, OptionError)
