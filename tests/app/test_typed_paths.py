@@ -204,7 +204,7 @@ def text_options(model: type[BaseModel], prefix: str = "") -> dict[str, bool]:
     return found
 
 
-NO_PATH = {"preset", "prepare.preset", "data.split.name", "name", "optimizer.name"}
+NO_PATH = {"preset", "prepare.preset", "data.split.name", "name", "optimizer.name", "scheduler.name"}
 NO_PATH |= {f"model.{name}" for name in ("name", "encoder", "heads", "pyramid_norm")}
 """Free text that is a name of ours."""
 
