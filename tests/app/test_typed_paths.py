@@ -205,7 +205,8 @@ def text_options(model: type[BaseModel], prefix: str = "") -> dict[str, bool]:
     return found
 
 
-NO_PATH = {"preset", "prepare.preset", "data.name", "data.split.name", "dataset", "name", "optimizer.name"}
+NO_PATH = {"preset", "prepare.preset", "data.name", "data.split.name", "dataset", "name"}
+NO_PATH |= {"optimizer.name", "scheduler.name"}
 NO_PATH |= {f"model.{name}" for name in ("name", "encoder", "heads", "pyramid_norm")}
 """Free text that is a name of ours."""
 
