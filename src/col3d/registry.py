@@ -1,11 +1,12 @@
-"""The one door for parts of an experiment: networks, losses and optimisers by name.
+"""The one door for parts of an experiment: networks, losses, metrics and optimisers by name.
 
 The signature is the schema: its parameters are the options, its defaults the only defaults.
 """
 
 import functools
 import importlib
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, TypeVar
@@ -15,6 +16,7 @@ from pydantic_core import PydanticUndefined
 
 from col3d import plugins
 from col3d.checks import OptionError, nearest_name
+from col3d.metric_specs import MetricSpec, checked_spec
 from col3d.schema import Options, options_of, parameters, rule
 
 Built = TypeVar("Built", bound=Callable[..., Any])
@@ -26,7 +28,7 @@ class Part:
     """What a name stands for.
 
     Attributes:
-        kind: "model", "loss" or "optimizer".
+        kind: "model", "loss", "metric" or "optimizer".
         name: on the command line.
         build: a class or a function; its keyword parameters are the options.
         supplied: parameters that the program gives.
@@ -146,6 +148,12 @@ def _place(build: Callable[..., Any]) -> str:
 
 MODELS = Registry("model", "col3d.models", option="model.name", supplied=("size_hw",))
 LOSSES = Registry("loss", "col3d.losses.terms", "loss.terms", ("prediction", "batch", "max_depth"))
+METRICS = Registry(
+    "metric",
+    "col3d.metrics.registered",
+    "metrics",
+    supplied=("preds", "target", "mask", "min_depth", "max_depth", "cosine_epsilon"),
+)
 OPTIMIZERS = Registry(
     "optimizer",
     "col3d.optimizers",
@@ -157,7 +165,7 @@ OPTIMIZERS = Registry(
         "momentum": Field(ge=0, lt=1),
     },
 )
-KINDS = {registry.kind: registry for registry in (MODELS, LOSSES, OPTIMIZERS)}
+KINDS = {registry.kind: registry for registry in (MODELS, LOSSES, METRICS, OPTIMIZERS)}
 
 
 def register_model(
@@ -169,6 +177,8 @@ def register_model(
     predicts: tuple[str, ...] = ("depth",),
     depth_alone: str | None = None,
     presets: Mapping[str, Mapping[str, Any]] = NOTHING,
+    label: str = "",
+    colour: str = "",
 ) -> Any:
     """Register a network: any `nn.Module` that maps (image, rays) to a `Prediction`.
 
@@ -181,8 +191,18 @@ def register_model(
         predicts: what it predicts by itself, of "depth" and "normals".
         depth_alone: name of the network that is this one without normals, for hints.
         presets: defaults of options at a `preset`, where they differ from the signature's.
+        label: how reports call it; its name where it is empty.
+        colour: of its lines in figures, as "#RRGGBB"; where it is empty, reports choose one.
+
+    Raises:
+        ValueError: besides what `Registry.register` says, the label is no line or the colour is no colour.
     """
+    if not label.isprintable():
+        raise ValueError(f"register_model: {name}: label: expected one line, got {label!r}")
+    if colour and not re.fullmatch("#[0-9A-Fa-f]{6}", colour):
+        raise ValueError(f"register_model: {name}: colour: expected #RRGGBB, got {colour!r}")
     facts = {"predicts": predicts, "depth_alone": depth_alone, "presets": presets}
+    facts |= {"label": label, "colour": colour}
     return MODELS.register(name, build, {"loss": loss, "task": task}, **facts)
 
 
@@ -203,6 +223,46 @@ def register_loss(
         truth: what has to be known for it beside depth: "normals".
     """
     return LOSSES.register(name, build, needs=needs, truth=truth)
+
+
+def register_metric(
+    name: str,
+    build: Built | None = None,
+    *,
+    task: str = "depth",
+    better: str | None = None,
+    **said: Any,
+) -> Any:
+    """Register a metric: a function (preds, target, mask, and its options) -> one value a frame, (b,).
+
+    Depth is (b, 1, h, w) in mm, normals are unit (b, 3, h, w), the mask is (b, 1, h, w), True where a pixel
+    counts. Predictions are raised to 0.001 mm and cut at the upper end of the protocol's range, unless the
+    function has parameters `min_depth` and `max_depth`, which are then given. NaN says that a frame has no
+    such value: its cell stays empty, and it is in no mean.
+
+    Args:
+        name: of its column, and for `metrics.NAME.OPTION=VALUE`.
+        build: the function.
+        task: what it is given, "depth" or "normals".
+        better: "lower", "higher", or None where neither is.
+        said: what else files and tables need to know, such as unit and heading; see `MetricSpec`.
+
+    Raises:
+        ValueError: a word is unknown, or the name is that of another column.
+    """
+    spec = checked_spec(MetricSpec(name, task, better, **said))
+    return METRICS.register(name, build, spec=spec)
+
+
+def register_metrics(specs: Iterable[MetricSpec], build: Built) -> Built:
+    """Register metrics that one function computes together: it returns a dict of (b,) by name.
+
+    Raises:
+        ValueError: as `register_metric`.
+    """
+    for spec in specs:
+        METRICS.register(spec.name, build, spec=checked_spec(spec))
+    return build
 
 
 def register_optimizer(

@@ -14,7 +14,7 @@ from col3d.reports.figures.bins import quartiles
 from col3d.reports.figures.figure import LARGEST_FILE, blank, save
 from col3d.reports.figures.maps import angle_between, read_guess, read_truth
 from col3d.reports.figures.material import Material, material_of
-from col3d.reports.figures.style import ball, network_style, styles_of
+from col3d.reports.figures.style import PALETTE, Look, Style, ball, styles_of
 from col3d.reports.predictions import PredictionWriter, StoredPredictions
 from col3d.reports.runs import Found, Run, read_runs
 from tests.reports.fake_runs import VIDEOS, write_paper, write_run
@@ -270,8 +270,20 @@ def test_colours_of_methods_are_fixed(paper: Path, material: Material) -> None:
     assert styles["Col3D-MTL"] == styles["Col3D-MTL (L1)"]
     assert styles["Col3D-MTL"].colour == styles["Col3D-MTL (L2)"].colour
     assert styles["Col3D-MTL"].dash != styles["Col3D-MTL (L2)"].dash
-    assert network_style("anything") is None
-    others = styles_of([f"run {n}" for n in range(20)])
+
+
+def test_colours_are_those_of_registrations_and_else_of_a_palette() -> None:
+    """Runs of before have recorded none: networks then take turns, in the same order each time."""
+    given = Look("Mine", "#123456")
+    styles = styles_of({"Mine": given, "Mine (L2)": given, "run 1": Look("Theirs", "#654321")})
+    assert styles["Mine"] == Style("#123456")
+    assert styles["Mine (L2)"] == Style("#123456", "--")
+    assert styles["run 1"] == Style("#654321")
+    several = styles_of({"run 1": given, "run 2": given, "other": Look("Other", PALETTE[0])})
+    assert [style.colour for style in several.values()] == [PALETTE[1], PALETTE[2], PALETTE[0]]
+    before = styles_of({name: Look("BTS", "") for name in ("BTS", "BTS (L1)", "BTS (L2)")})
+    assert list(before.values()) == [Style(PALETTE[0]), Style(PALETTE[0]), Style(PALETTE[0], "--")]
+    others = styles_of({f"run {n}": Look("net", "") for n in range(20)})
     assert len(set(others.values())) == 20
 
 

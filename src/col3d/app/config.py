@@ -14,10 +14,11 @@ from pydantic import (
 )
 
 from col3d.losses.options import LossOptions, Weight
+from col3d.metrics import registered_specs
+from col3d.metrics.options import MetricOptions
 from col3d.models.options import ModelOptions, model_options
 from col3d.optimizers import OptimizerOptions, optimizer_options
 from col3d.registry import MODELS
-from col3d.reports.per_frame import DEPTH_METRICS, NORMAL_METRICS
 from col3d.schema import NoneWord, Options
 
 Split = Literal["train", "val", "test"]
@@ -270,6 +271,7 @@ class TrainOptions(Options):
     callbacks: CallbackOptions
     logger: LoggerOptions
     protocol: Protocols
+    metrics: MetricOptions
 
     @model_validator(mode="after")
     def _parts_fit(self) -> "TrainOptions":
@@ -305,8 +307,8 @@ class TrainOptions(Options):
             )
         if self.task.name == "adversarial":
             self._adversarial_fits()
-        normals = () if model.normals == "none" else NORMAL_METRICS
-        measured = [f"val/{name}" for name in ("loss", *DEPTH_METRICS, *normals)]
+        specs = registered_specs(task="depth" if model.normals == "none" else None, validation=True)
+        measured = [f"val/{name}" for name in ("loss", *specs)]
         if unknown := [name for name in self.objective if name not in measured]:
             raise ValueError(
                 f"objective: {', '.join(unknown)} is not measured with model={model.name}; there are "
@@ -354,6 +356,7 @@ class EvaluateOptions(Options):
     workers: Annotated[int, Field(ge=0)] | None
     accelerator: Literal["auto", "cpu", "gpu", "cuda"]
     compile: bool
+    metrics: MetricOptions
 
     @model_validator(mode="after")
     def _fits(self) -> "EvaluateOptions":

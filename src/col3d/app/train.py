@@ -41,6 +41,7 @@ from col3d.callbacks import (
 from col3d.checks import UserError
 from col3d.data.datamodule import FrameDataModule
 from col3d.losses import WeightedLoss
+from col3d.metrics.measure import try_metrics
 from col3d.refusals import check_options
 from col3d.tasks import SupervisedTask
 from col3d.whole import write_whole
@@ -105,6 +106,8 @@ def _run(options: TrainOptions, folder: RunFolder, stop: StopSignals, status: Jo
     truth = options.one_protocol[1].truth
     frames = data_module(options.data, options.phantom, options.seed, test_truth=truth)
     task = build.task(options)
+    task.set_metric_options(options.metrics)
+    try_metrics(tuple(task.val_metrics), (options.data.size[0], options.data.size[1]), options.metrics)
     say = print if is_first() else lambda line: None
     assert isinstance(task.loss, WeightedLoss)
     say(f"minimises {task.loss.formula}")

@@ -2,6 +2,7 @@
 
 import zlib
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, TypedDict
 
 import torch
@@ -10,7 +11,8 @@ from torch import Tensor, nn
 from torchmetrics import MeanMetric
 
 from col3d.batch import Batch, Prediction, normals_mask
-from col3d.metrics import DepthMetrics, FrameMean, NormalMetrics, Protocol
+from col3d.metrics import Protocol, TaskMetrics
+from col3d.metrics.measure import Options
 from col3d.optimisation import OptimizerFactory, SchedulerFactory
 from col3d.tasks.epoch_totals import EpochTotals
 from col3d.tasks.mirror import mirror_average
@@ -65,15 +67,21 @@ class SupervisedTask(LightningModule):
         self.network, self.loss = network, loss
         self.optimizer, self.scheduler = optimizer, scheduler
         self.protocol, self.mirror, self.seed = protocol or Protocol(), mirror, seed
-        self.val_metrics: dict[str, FrameMean] = nn.ModuleDict({"depth": DepthMetrics()})  # type: ignore[assignment]
-        if "normals" in getattr(network, "tasks", ()):
-            self.val_metrics["normals"] = NormalMetrics()
+        tasks = ("depth", "normals") if "normals" in getattr(network, "tasks", ()) else ("depth",)
+        measured = {task: TaskMetrics(task, self.protocol.metrics) for task in tasks}
+        self.val_metrics: dict[str, TaskMetrics] = nn.ModuleDict(measured)  # type: ignore[assignment]
         losses = _named(dict.fromkeys([*getattr(loss, "terms", ()), "total"], torch.zeros(())))
         means = {name: MeanMetric(nan_strategy="disable") for name in losses}
         self.val_losses: dict[str, MeanMetric] = nn.ModuleDict(means)  # type: ignore[assignment]
         self.last_terms: dict[str, Tensor] = {}
         self.totals = EpochTotals()
         self.register_buffer("depth_seen", torch.zeros(2, dtype=torch.float64))
+
+    def set_metric_options(self, options: Options) -> None:
+        """Take options of metrics, by their names, for validation and for the test."""
+        self.protocol = replace(self.protocol, metrics=options)
+        for metric in self.val_metrics.values():
+            metric.options = options
 
     def forward(self, batch: Batch) -> Prediction:
         """The network's prediction for the frames of a batch."""
@@ -157,7 +165,8 @@ class SupervisedTask(LightningModule):
         for metric in self.val_metrics.values():
             means = metric.compute()
             if metric.frames > 0:
-                values |= means
+                lacking = {n for n, mean in means.items() if n in metric.undefined and mean.isnan()}
+                values |= {name: mean for name, mean in means.items() if name not in lacking}
             metric.reset()
         for loss in self.val_losses.values():
             loss.reset()

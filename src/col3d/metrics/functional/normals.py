@@ -8,10 +8,11 @@ from torch import Tensor
 
 from col3d.batch import check_maps
 from col3d.geometry import angle_between
+from col3d.metric_specs import PAPER_NORMALS
 from col3d.metrics.functional.by_frame import by_frame
 
-NORMAL_METRICS = ("angle_mean", "angle_median", "within_11_25", "within_22_5", "within_30")
-LIMITS = {"within_11_25": 11.25, "within_22_5": 22.5, "within_30": 30.0}
+NORMAL_METRICS = tuple(spec.name for spec in PAPER_NORMALS)
+LIMITS = {"within_5": 5.0, "within_7_5": 7.5, "within_11_25": 11.25, "within_22_5": 22.5, "within_30": 30.0}
 
 
 def normal_metrics(
@@ -36,6 +37,17 @@ def normal_metrics(
     Raises:
         ValueError: the shapes do not belong together.
     """
+    found = normal_errors(preds, target, mask, cosine_epsilon)
+    return {name: found[name] for name in NORMAL_METRICS}
+
+
+def normal_errors(
+    preds: Float[Tensor, "b 3 h w"],
+    target: Float[Tensor, "b 3 h w"],
+    mask: Bool[Tensor, "b 1 h w"],
+    cosine_epsilon: float = 0.0,
+) -> dict[str, Float[Tensor, " b"]]:
+    """The values of `normal_metrics`, with `angle_rmse` in degrees and the shares below 5 and 7.5 degrees."""
     check_maps(preds, target, mask)
     return by_frame(functools.partial(_errors, cosine_epsilon), preds, target, mask)
 
@@ -50,6 +62,7 @@ def _errors(cosine_epsilon: float, preds: Tensor, target: Tensor, mask: Tensor) 
     return {
         "angle_mean": mean(angles),
         "angle_median": _median(angles, mask),
+        "angle_rmse": mean(angles.double().square()).sqrt(),
         **{name: (mask & (angles < limit)).sum(dim=(1, 2, 3)) / count for name, limit in LIMITS.items()},
     }
 

@@ -64,7 +64,7 @@ def _draw(path: Path, methods: Sequence[Method]) -> None:
 
 def _box(axis: Axes, place: float, method: Method, video: str, methods: Sequence[Method]) -> None:
     """A box at a place of the x axis, and its frames as points, moved aside by their order."""
-    values = np.concatenate([run.frames["abs_rel"][run.frames["video"] == video] for run in method.runs])
+    values = np.concatenate([run.values("abs_rel")[run.frames["video"] == video] for run in method.runs])
     values = values[np.isfinite(values)]
     if len(values) == 0:
         return
