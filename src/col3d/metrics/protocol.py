@@ -1,7 +1,7 @@
 """Protocols: what is done to prediction and truth before the metrics are taken."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import torch
 from jaxtyping import Bool, Float
@@ -11,7 +11,7 @@ from torch.nn.functional import interpolate
 from col3d.batch import Batch, Prediction, normals_mask
 from col3d.checks import check_known
 from col3d.geometry import unit
-from col3d.metrics.measure import SMALLEST, Options, measure
+from col3d.metrics.measure import NONE, SMALLEST, Options, measure
 
 Depth = Float[Tensor, "b 1 h w"]
 Mask = Bool[Tensor, "b 1 h w"]
@@ -31,7 +31,7 @@ class Protocol:
     """Added to |p| |t| in the denominator of the cosine of normals; published code has 1e-3."""
     normal_axes: str = "house"
     """"house", or "published": y up, z out of the screen, and a true z below 0 cut to 0."""
-    metrics: Options = field(default_factory=dict)
+    metrics: Options | None = None
     """Options of metrics, by their names."""
 
     def __post_init__(self) -> None:
@@ -47,14 +47,16 @@ class Protocol:
         depth = batch["depth"]
         mask = batch["mask"] & (depth > low) & (depth < high)
         guess = SCALINGS[self.scaling](_resized(prediction["depth"], depth), depth, mask)
-        values = measure("depth", guess, depth, mask, max_depth=max(high, SMALLEST), options=self.metrics)
+        values = measure(
+            "depth", guess, depth, mask, max_depth=max(high, SMALLEST), options=self.metrics or NONE
+        )
         if "normals" in prediction and "normals" in batch:
             pair = (_resized(prediction["normals"], depth), batch["normals"])
             if self.normal_axes == "published":
                 pair = published_axes(unit(pair[0])), cut_behind(published_axes(pair[1]))
             counted = mask & normals_mask(batch)
             values |= measure(
-                "normals", *pair, counted, cosine_epsilon=self.cosine_epsilon, options=self.metrics
+                "normals", *pair, counted, cosine_epsilon=self.cosine_epsilon, options=self.metrics or NONE
             )
             values["normal_pixels"] = counted.sum(dim=(1, 2, 3))
         return values | {"pixels": mask.sum(dim=(1, 2, 3))}

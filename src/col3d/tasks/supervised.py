@@ -68,7 +68,7 @@ class SupervisedTask(LightningModule):
         self.optimizer, self.scheduler = optimizer, scheduler
         self.protocol, self.mirror, self.seed = protocol or Protocol(), mirror, seed
         tasks = ("depth", "normals") if "normals" in getattr(network, "tasks", ()) else ("depth",)
-        measured = {task: TaskMetrics(task, self.protocol.metrics) for task in tasks}
+        measured = {task: TaskMetrics(task, self.protocol.metrics or {}) for task in tasks}
         self.val_metrics: dict[str, TaskMetrics] = nn.ModuleDict(measured)  # type: ignore[assignment]
         losses = _named(dict.fromkeys([*getattr(loss, "terms", ()), "total"], torch.zeros(())))
         means = {name: MeanMetric(nan_strategy="disable") for name in losses}
