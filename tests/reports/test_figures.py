@@ -9,15 +9,27 @@ import cv2
 import numpy as np
 import pytest
 
-from col3d.reports.figures import DRAW, choice, draw, draw_all, error_against, lambda_study, training_curves
+from col3d.metric_specs import OURS
+from col3d.reports.figures import (
+    DRAW,
+    choice,
+    draw,
+    draw_all,
+    error_against,
+    lambda_study,
+    per_video,
+    training_curves,
+)
 from col3d.reports.figures.bins import quartiles
 from col3d.reports.figures.figure import LARGEST_FILE, blank, save
 from col3d.reports.figures.maps import angle_between, read_guess, read_truth
 from col3d.reports.figures.material import Material, material_of
+from col3d.reports.figures.plots import axis_label
 from col3d.reports.figures.style import PALETTE, Look, Style, ball, styles_of
+from col3d.reports.per_frame import read_per_frame, write_per_frame
 from col3d.reports.predictions import PredictionWriter, StoredPredictions
 from col3d.reports.runs import Found, Run, read_runs
-from tests.reports.fake_runs import VIDEOS, write_paper, write_run
+from tests.reports.fake_runs import VIDEOS, change_summary, write_paper, write_run
 
 FRAMES, SIZE = 3, (12, 16)
 NEED_TRUTH = [
@@ -342,3 +354,17 @@ def test_captions_name_other_data(paper: Path, tmp_path: Path) -> None:
     assert len(captions) == 2
     assert all("phantom" not in caption and "Data: c3vd" in caption for caption in captions)
     assert json.loads((root / "one" / "summary.json").read_text())["data"] == "c3vd"
+
+
+def test_metrics_of_plugins_are_drawn_beside_ours(tmp_path: Path) -> None:
+    """With their units and signs as they are, from 0 unless values are below; none of ours joins them."""
+    folder = write_run(tmp_path / "runs" / "bts")
+    rows = [{**row, "gain": -1.5, "mae": 2.0} for row in read_per_frame(folder / "per_frame.csv")]
+    write_per_frame(folder / "per_frame.csv", rows, [*OURS, "gain"])
+    change_summary(folder, metric_specs={"gain": {"heading": "Gain $x^$", "unit": "$", "better": "higher"}})
+    curve = "epoch,val/abs_rel,val/mae,val/gain,val/loss\n0,0.5,2.0,-3.0,1.0\n"
+    (folder / "metrics.csv").write_text(curve)
+    material = material_of(read_runs(tmp_path / "runs"), None)
+    said = [module.draw(material, tmp_path).caption for module in (per_video, training_curves)]
+    assert all(text.startswith("Abs Rel (lower is better) and Gain $x^$ (higher is better)") for text in said)
+    assert axis_label(material.main.methods[0].runs[0].specs["gain"]) == r"Gain \$x^\$ \$"

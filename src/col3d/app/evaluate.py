@@ -151,7 +151,10 @@ def _score(
     for batch in SteadyLoader(truth, batch_size=1, num_workers=subject.data.workers):
         prediction = _read(stored, batch)
         values = protocol.score(prediction, batch)
-        baseline = {} if mean is None else protocol.score({"depth": mean.expand_as(batch["depth"])}, batch)
+        baseline = {}
+        if mean is not None:
+            constant: Prediction = {"depth": mean.expand_as(batch["depth"])}
+            baseline = protocol.score(constant, batch, validation=True)
         results.table.add(batch, values, baseline)
         if not native:
             results.panels.keep(batch, prediction, values)

@@ -97,7 +97,7 @@ def _trained(options: TrainOptions, folder: RunFolder, stop: StopSignals) -> flo
     if not is_first():
         return math.nan
     best = folder.finished["best"]
-    score = tuple(float(best[name]) for name in options.objective)
+    score = tuple(math.nan if best.get(name) is None else float(best[name]) for name in options.objective)
     return score[0] if len(score) == 1 else score
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 from jaxtyping import Bool, Float
@@ -38,26 +39,30 @@ class Protocol:
         check_known("protocol.scaling", self.scaling, SCALINGS)
         check_known("protocol.normal_axes", self.normal_axes, ("house", "published"))
 
-    def score(self, prediction: Prediction, batch: Batch) -> dict[str, Float[Tensor, " b"]]:
+    def score(
+        self, prediction: Prediction, batch: Batch, validation: bool = False
+    ) -> dict[str, Float[Tensor, " b"]]:
         """All registered metrics of each frame by name, and how many `pixels` and `normal_pixels` it counted.
 
         A prediction of another size than the truth is enlarged or shrunk to it, bilinearly.
+
+        Args:
+            prediction: depth in mm, and normals where there are any.
+            batch: the truth.
+            validation: leave out what is not measured in validation, and takes longer.
         """
         low, high = self.truth_range
         depth = batch["depth"]
         mask = batch["mask"] & (depth > low) & (depth < high)
         guess = SCALINGS[self.scaling](_resized(prediction["depth"], depth), depth, mask)
-        values = measure(
-            "depth", guess, depth, mask, max_depth=max(high, SMALLEST), options=self.metrics or NONE
-        )
+        given: dict[str, Any] = {"options": self.metrics or NONE, "validation": validation}
+        values = measure("depth", guess, depth, mask, max_depth=max(high, SMALLEST), **given)
         if "normals" in prediction and "normals" in batch:
             pair = (_resized(prediction["normals"], depth), batch["normals"])
             if self.normal_axes == "published":
                 pair = published_axes(unit(pair[0])), cut_behind(published_axes(pair[1]))
             counted = mask & normals_mask(batch)
-            values |= measure(
-                "normals", *pair, counted, cosine_epsilon=self.cosine_epsilon, options=self.metrics or NONE
-            )
+            values |= measure("normals", *pair, counted, cosine_epsilon=self.cosine_epsilon, **given)
             values["normal_pixels"] = counted.sum(dim=(1, 2, 3))
         return values | {"pixels": mask.sum(dim=(1, 2, 3))}
 

@@ -28,7 +28,8 @@ class Scored(TypedDict):
     values: dict[str, Tensor]
     """Each metric, one value a frame."""
     baseline: dict[str, Tensor]
-    """Depth metrics of the mean training depth, one value a frame; empty before any training."""
+    """Depth metrics of the mean training depth, one value a frame, as validation has them; empty before any
+    training."""
 
 
 class SupervisedTask(LightningModule):
@@ -178,7 +179,8 @@ class SupervisedTask(LightningModule):
         values, baseline = self.protocol.score(prediction, batch), {}
         mean = self.mean_depth
         if mean is not None:
-            baseline = self.protocol.score({"depth": mean.expand_as(batch["depth"])}, batch)
+            constant: Prediction = {"depth": mean.expand_as(batch["depth"])}
+            baseline = self.protocol.score(constant, batch, validation=True)
         return {"prediction": prediction, "values": values, "baseline": baseline}
 
     @property

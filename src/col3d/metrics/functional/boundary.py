@@ -52,7 +52,7 @@ def boundary_f1(
         section 3.4.
     """
     check_maps(preds, target, mask)
-    steps = torch.linspace(min_threshold, max_threshold, thresholds, dtype=torch.float64).tolist()
+    steps = sorted(torch.linspace(min_threshold, max_threshold, thresholds, dtype=torch.float64).tolist())
     score = functools.partial(_scores, steps, erosion)
     return by_frame(score, preds, target, mask)["boundary_f1"]
 
@@ -61,14 +61,14 @@ def _scores(
     steps: list[float], erosion: int, preds: Tensor, target: Tensor, mask: Tensor
 ) -> dict[str, Tensor]:
     counts = _eroded(mask, erosion)
-    pairs = list(_ratios(preds, target, counts))
-    score = torch.zeros(len(preds), dtype=torch.float64, device=preds.device)
-    for step in steps:
-        recalls, precisions = zip(*(_shares(*pair, step) for pair in pairs), strict=True)
-        recall, precision = torch.stack(recalls).mean(dim=0), torch.stack(precisions).mean(dim=0)
-        both = recall + precision
-        score += step * torch.where(both > 0, 2 * recall * precision / both, 0.0)
-    score /= sum(steps)
+    limits = torch.tensor(steps, dtype=torch.float64, device=preds.device)
+    shares = [_shares(guess, truth, limits) for guess, truth in _ratios(preds, target, counts)]
+    recall, precision = (
+        torch.stack(of_directions).mean(dim=0) for of_directions in zip(*shares, strict=True)
+    )
+    both = recall + precision
+    f1 = torch.where(both > 0, 2 * recall * precision / both, 0.0)
+    score = (limits * f1).sum(dim=1) / limits.sum()
     return {"boundary_f1": torch.where(counts.flatten(1).any(dim=1), score, torch.nan)}
 
 
@@ -78,8 +78,8 @@ def _eroded(mask: Tensor, erosion: int) -> Tensor:
     return max_pool2d((~mask).float(), 2 * erosion + 1, stride=1, padding=erosion) == 0
 
 
-def _ratios(preds: Tensor, target: Tensor, mask: Tensor) -> Iterator[tuple[Tensor, Tensor, Tensor]]:
-    """For each direction, predicted and true depth over the neighbour's, and which pairs count."""
+def _ratios(preds: Tensor, target: Tensor, mask: Tensor) -> Iterator[tuple[Tensor, Tensor]]:
+    """For each direction, predicted and true depth over the neighbour's; 0 where a pair does not count."""
     guess = torch.where(mask, preds, 1.0).double()
     truth = torch.where(mask, target, 1.0).double()
     for dim in (-1, -2):
@@ -87,14 +87,21 @@ def _ratios(preds: Tensor, target: Tensor, mask: Tensor) -> Iterator[tuple[Tenso
         (p, p_next), (t, t_next), (m, m_next) = (
             (values.narrow(dim, 0, length), values.narrow(dim, 1, length)) for values in (guess, truth, mask)
         )
-        yield p / p_next, t / t_next, m & m_next
-        yield p_next / p, t_next / t, m & m_next
+        counts = (m & m_next).double()
+        yield p / p_next * counts, t / t_next * counts
+        yield p_next / p * counts, t_next / t * counts
 
 
-def _shares(guess: Tensor, truth: Tensor, counts: Tensor, threshold: float) -> tuple[Tensor, Tensor]:
-    """Recall and precision of the edges of one direction."""
-    predicted, true = counts & (guess > threshold), counts & (truth > threshold)
-    hits, found, there = (
-        edges.sum(dim=(1, 2, 3), dtype=torch.float64) for edges in (predicted & true, predicted, true)
-    )
+def _shares(guess: Tensor, truth: Tensor, limits: Tensor) -> tuple[Tensor, Tensor]:
+    """Recall and precision of the edges of one direction, (b, number of thresholds)."""
+    hits, found, there = (_above(r, limits) for r in (torch.minimum(guess, truth), guess, truth))
     return hits / there.clamp_min(1), hits / found.clamp_min(1)
+
+
+def _above(ratios: Tensor, limits: Tensor) -> Tensor:
+    """How many ratios of each frame exceed each limit: few do the least, and only those are sorted."""
+    frame, *_ = places = (ratios > limits[0]).nonzero(as_tuple=True)
+    levels = torch.bucketize(ratios[places], limits)  # how many limits are below
+    size = len(limits) + 1
+    counts = torch.bincount(frame * size + levels, minlength=len(ratios) * size).view(-1, size)
+    return counts.flip(1).cumsum(dim=1).flip(1)[:, 1:].double()

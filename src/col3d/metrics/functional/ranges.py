@@ -48,17 +48,11 @@ def _errors(
     guess = torch.where(mask, preds.double().clamp(min_depth, max_depth), 1.0)
     gap = (guess - truth).abs()
     ratio = guess / truth
-    maps = {
-        "abs_rel": gap / truth,
-        "rmse": gap.square(),
-        "mae": gap,
-        "delta1": (torch.maximum(ratio, ratio.reciprocal()) < DELTA).double(),
-    }
-    found = {}
-    for part, (low, high) in RANGES.items():
-        inside = mask & (target >= low) & (target < high)
-        count = inside.sum(dim=(1, 2, 3), dtype=torch.float64)
-        for name, values in maps.items():
-            mean = torch.where(inside, values, 0.0).sum(dim=(1, 2, 3)) / count
-            found[f"{part}_{name}"] = mean.sqrt() if name == "rmse" else mean
-    return found
+    close = torch.maximum(ratio, ratio.reciprocal()) < DELTA
+    maps = {"abs_rel": gap / truth, "rmse": gap.square(), "mae": gap, "delta1": close.double()}
+    inside = [mask & (target >= low) & (target < high) for low, high in RANGES.values()]
+    parts = torch.cat(inside, dim=1).flatten(2).double()
+    sums = torch.cat([*maps.values()], dim=1).flatten(2) @ parts.mT  # of each frame, by metric and range
+    means = sums / parts.sum(dim=2)[:, None]
+    found = {f"{part}_{name}": means[:, i, j] for j, part in enumerate(RANGES) for i, name in enumerate(maps)}
+    return {name: mean.sqrt() if name.endswith("_rmse") else mean for name, mean in found.items()}

@@ -11,15 +11,13 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from col3d.checks import naming
 from col3d.metric_specs import OURS, MetricSpec
-from col3d.reports.figures.captions import about_training, sentences
+from col3d.reports.figures.captions import about_training, sentences, with_direction
 from col3d.reports.figures.figure import Figure, MissingError, blank, save
 from col3d.reports.figures.material import Material, Method
-from col3d.reports.figures.plots import WIDTH, legend, plain
+from col3d.reports.figures.plots import WIDTH, axis_label, from_zero, legend, plain
 from col3d.reports.figures.style import Dash
 from col3d.reports.options import at
-from col3d.reports.render import heading
 from col3d.reports.runs import Run
-from col3d.reports.tables import column_of
 
 TITLE = "Training"
 ALWAYS = ("abs_rel", "angle_mean")
@@ -44,7 +42,7 @@ def draw(material: Material, out: Path) -> Figure:
     path = out / "training_curves.png"
     panels = _panels(methods)
     draw_methods(path, methods)
-    shown = " and ".join(_with_direction(spec) for spec in panels)
+    shown = " and ".join(with_direction(spec) for spec in panels)
     caption = sentences(
         f"{shown or 'No metric'} on the validation part by epoch; a line a seed, a ring "
         "where the weights were kept. Losses are on a logarithmic scale; those of different terms cannot be "
@@ -85,10 +83,6 @@ def _panels(methods: Sequence[Method]) -> list[MetricSpec]:
     return [specs[name] for name in (*ALWAYS, *others) if f"val/{name}" in measured][:MOST]
 
 
-def _with_direction(spec: MetricSpec) -> str:
-    return f"{spec.title} ({spec.better} is better)" if spec.better else spec.title
-
-
 def draw_methods(path: Path, methods: Sequence[Method]) -> None:
     """Draw the curves of methods, each of which has some, into a file."""
     panels = _panels(methods)
@@ -105,9 +99,9 @@ def draw_methods(path: Path, methods: Sequence[Method]) -> None:
                 if name in found:
                     _line(losses, found[name], method, dash)
     for axis, spec in zip(metrics, panels, strict=True):
-        plain(axis, "epoch", heading(column_of(spec)))
+        plain(axis, "epoch", axis_label(spec))
         axis.set_title("validation", fontsize=10)
-        axis.set_ylim(bottom=0)
+        from_zero([axis])
         axis.xaxis.get_major_locator().set_params(integer=True)
     plain(losses, "epoch", "")
     losses.set_yscale("log")
