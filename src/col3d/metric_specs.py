@@ -94,6 +94,8 @@ def checked_spec(spec: MetricSpec) -> MetricSpec:
     where = f"register_metric: {spec.name}"
     if spec.name in RESERVED or spec.name == "loss" or spec.name.startswith("loss_"):
         raise ValueError(f"{where} is the name of another column; give the metric another one")
+    if OURS.get(spec.name, spec) is not spec:
+        raise ValueError(f"{where} is a metric of col3d; give yours another name")
     for argument, known in (("task", TASKS), ("better", DIRECTIONS), ("over_pixels", OVER_PIXELS)):
         value = getattr(spec, argument)
         if value not in known:

@@ -255,11 +255,7 @@ def register_metric(
 
 
 def register_metrics(specs: Iterable[MetricSpec], build: Built) -> Built:
-    """Register metrics that one function computes together: it returns a dict of (b,) by name.
-
-    Raises:
-        ValueError: as `register_metric`.
-    """
+    """Register metrics that one function computes together: it returns a dict of (b,) by name."""
     for spec in specs:
         METRICS.register(spec.name, build, spec=checked_spec(spec))
     return build
@@ -287,10 +283,11 @@ def available(kind: str) -> list[str]:
 def describe(kind: str, name: str) -> str:
     """A part's first sentence, where it comes from, and a line for each of its options."""
     part = _registry(kind)[name]
+    place = f"metrics.{name}" if part.kind == METRICS.kind else part.kind
     lines = [f"{part.kind} {part.name} ({part.build.__module__}.{part.build.__qualname__})", part.summary, ""]
     for option, (annotation, default) in part.parameters().items():
         usual = "needed" if default is PydanticUndefined else f"{default!r} unless given"
-        lines.append(f"  {part.kind}.{option}: {rule(annotation)}; {usual}")
+        lines.append(f"  {place}.{option}: {rule(annotation)}; {usual}")
     return "\n".join(lines)
 
 

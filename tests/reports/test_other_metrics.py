@@ -2,6 +2,8 @@
 
 import csv
 import re
+import subprocess
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -127,3 +129,9 @@ def test_a_broken_spec_is_named(tmp_path: Path, spec: Any, said: str) -> None:
     change_summary(write_run(tmp_path / "a"), metric_specs={"sharp": spec})
     (line,) = read_runs(tmp_path).left_out
     assert re.match(rf"a: summary\.json is broken: {said}", line)
+
+
+def test_specs_and_reports_need_no_torch() -> None:
+    """A report is written where nothing can be trained."""
+    check = "import sys, col3d.reports.__main__, col3d.reports.figures; sys.exit('torch' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", check], check=False).returncode == 0
