@@ -13,7 +13,16 @@ from col3d.metric_specs import OURS, MetricSpec, specs_from
 from col3d.metrics import Protocol, TaskMetrics, registered_specs
 from col3d.metrics.measure import measure, try_metrics
 from col3d.metrics.options import metric_options
-from col3d.registry import METRICS, MODELS, available, describe, register_metric, register_metrics, register_modelfrom col3d.reports.paper_tables import methods
+from col3d.registry import (
+    METRICS,
+    MODELS,
+    available,
+    describe,
+    register_metric,
+    register_metrics,
+    register_model,
+)
+from col3d.reports.paper_tables import methods
 
 MAPS = (
     torch.full((3, 1, 4, 5), 12.0),
