@@ -44,8 +44,8 @@ def depth_metrics(
         Eigen, Puhrsch, Fergus: Depth Map Prediction from a Single Image using a Multi-Scale Deep Network,
         NeurIPS 2014, section 4.2.
     """
-    found = depth_errors(preds, target, mask, min_depth, max_depth)
-    return {name: found[name] for name in DEPTH_METRICS}
+    check_maps(preds, target, mask)
+    return by_frame(functools.partial(_errors, min_depth, max_depth, False), preds, target, mask)
 
 
 def depth_errors(
@@ -57,11 +57,11 @@ def depth_errors(
 ) -> dict[str, Float[Tensor, " b"]]:
     """The values of `depth_metrics`, and `mae`, the mean absolute error in mm."""
     check_maps(preds, target, mask)
-    return by_frame(functools.partial(_errors, min_depth, max_depth), preds, target, mask)
+    return by_frame(functools.partial(_errors, min_depth, max_depth, True), preds, target, mask)
 
 
 def _errors(
-    min_depth: float, max_depth: float, preds: Tensor, target: Tensor, mask: Tensor
+    min_depth: float, max_depth: float, further: bool, preds: Tensor, target: Tensor, mask: Tensor
 ) -> dict[str, Tensor]:
     """Pixels that do not count are put to 1 mm in both, which adds nothing to any sum but those of shares."""
     count = mask.sum(dim=(1, 2, 3), dtype=torch.float64)
@@ -84,7 +84,7 @@ def _errors(
         "rmse_log": squared_log.sqrt(),
         "silog": 100 * (squared_log - mean(log_ratio).square()).clamp_min(0).sqrt(),
         **{f"delta{k}": ((worst < DELTA**k).sum(dim=(1, 2, 3)) - others) / count for k in (1, 2, 3)},
-        "mae": mean(gap.abs()),
+        **({"mae": mean(gap.abs())} if further else {}),
     }
 
 

@@ -1,6 +1,7 @@
 """The five metrics of normals, one value a frame."""
 
 import functools
+from collections.abc import Mapping
 
 import torch
 from jaxtyping import Bool, Float
@@ -12,7 +13,8 @@ from col3d.metric_specs import PAPER_NORMALS
 from col3d.metrics.functional.by_frame import by_frame
 
 NORMAL_METRICS = tuple(spec.name for spec in PAPER_NORMALS)
-LIMITS = {"within_5": 5.0, "within_7_5": 7.5, "within_11_25": 11.25, "within_22_5": 22.5, "within_30": 30.0}
+LIMITS = {"within_11_25": 11.25, "within_22_5": 22.5, "within_30": 30.0}
+FURTHER_LIMITS = {"within_5": 5.0, "within_7_5": 7.5}
 
 
 def normal_metrics(
@@ -37,8 +39,8 @@ def normal_metrics(
     Raises:
         ValueError: the shapes do not belong together.
     """
-    found = normal_errors(preds, target, mask, cosine_epsilon)
-    return {name: found[name] for name in NORMAL_METRICS}
+    check_maps(preds, target, mask)
+    return by_frame(functools.partial(_errors, cosine_epsilon, False), preds, target, mask)
 
 
 def normal_errors(
@@ -49,22 +51,25 @@ def normal_errors(
 ) -> dict[str, Float[Tensor, " b"]]:
     """The values of `normal_metrics`, with `angle_rmse` in degrees and the shares below 5 and 7.5 degrees."""
     check_maps(preds, target, mask)
-    return by_frame(functools.partial(_errors, cosine_epsilon), preds, target, mask)
+    return by_frame(functools.partial(_errors, cosine_epsilon, True), preds, target, mask)
 
 
-def _errors(cosine_epsilon: float, preds: Tensor, target: Tensor, mask: Tensor) -> dict[str, Tensor]:
+def _errors(
+    cosine_epsilon: float, further: bool, preds: Tensor, target: Tensor, mask: Tensor
+) -> dict[str, Tensor]:
     angles = _angles(preds.float(), target.float(), cosine_epsilon)
     count = mask.sum(dim=(1, 2, 3), dtype=torch.float64)
 
     def mean(values: Tensor) -> Tensor:
         return torch.where(mask, values, 0.0).sum(dim=(1, 2, 3), dtype=torch.float64) / count
 
-    return {
-        "angle_mean": mean(angles),
-        "angle_median": _median(angles, mask),
-        "angle_rmse": mean(angles.double().square()).sqrt(),
-        **{name: (mask & (angles < limit)).sum(dim=(1, 2, 3)) / count for name, limit in LIMITS.items()},
-    }
+    def shares(limits: Mapping[str, float]) -> dict[str, Tensor]:
+        return {name: (mask & (angles < limit)).sum(dim=(1, 2, 3)) / count for name, limit in limits.items()}
+
+    found = {"angle_mean": mean(angles), "angle_median": _median(angles, mask), **shares(LIMITS)}
+    if further:
+        found |= {"angle_rmse": mean(angles.double().square()).sqrt(), **shares(FURTHER_LIMITS)}
+    return found
 
 
 def _median(values: Tensor, mask: Tensor) -> Tensor:
