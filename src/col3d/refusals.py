@@ -44,7 +44,7 @@ def _lines(options: type[BaseModel], error: ValidationError, group: str = "") ->
     found: dict[str, list[ErrorDetails]] = {}
     for detail in error.errors():
         found.setdefault(f"{group}.{_option(detail)}".strip("."), []).append(detail)
-    return "\n".join(_line(options, option, details) for option, details in found.items())
+    return "\n".join(_line(options, option, details, group) for option, details in found.items())
 
 
 def _option(detail: ErrorDetails) -> str:
@@ -59,12 +59,15 @@ def _is_union_branch(part: str) -> bool:
     return part in ("bool", "int", "float", "str", "none") or "[" in part or part.startswith("constrained-")
 
 
-def _line(options: type[BaseModel], option: str, details: list[ErrorDetails]) -> str:
+def _line(options: type[BaseModel], option: str, details: list[ErrorDetails], group: str) -> str:
     """All that is wrong with one option: a union has a rule for each of its branches."""
     kind, came = details[0]["type"], details[0]["input"]
     if kind == "extra_forbidden":
-        *group, _ = option.split(".")
-        names = [".".join([*group, name]) for name in _fields(options, group)]
+        path, _, _ = option.rpartition(".")
+        inside = path.removeprefix(group).strip(".")
+        names = [
+            f"{path}.{name}".strip(".") for name in _fields(options, inside.split(".") if inside else [])
+        ]
         return f"{option}: no such option{nearest_name(option, names)}"
     if kind == "missing":
         return f"{option}: a value is needed"

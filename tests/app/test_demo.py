@@ -109,7 +109,7 @@ def test_scores_are_those_of_the_truth(network: Learnt) -> None:
     assert scores["AbsRel"] == pytest.approx(0.5, abs=1e-6)
     assert list(scores.values())[2] == 0
     expected = np.sqrt(np.square(first.depth[mask].astype(float)).mean())
-    assert scores["RMSE, mm"] == pytest.approx(expected, rel=1e-6)
+    assert scores["RMSE mm"] == pytest.approx(expected, rel=1e-6)
     assert "0.500" in scores_table(scores)
     assert found.error_picture() is not None
     assert first.error_picture() is None

@@ -10,6 +10,7 @@ from benchmarks.twins.metrics import published_metrics
 from benchmarks.twins.newcrfs import PublishedNeWCRFs
 from col3d.geometry import unit
 from col3d.metrics import Protocol
+from col3d.metrics.functional import DEPTH_METRICS, NORMAL_METRICS
 from col3d.models import create
 from col3d.models.col3d_mtl import published_normals
 
@@ -50,7 +51,7 @@ def test_the_twin_of_the_evaluation() -> None:
     protocol = Protocol(truth_range=(1e-3, 100.0), cosine_epsilon=1e-3)
     batch = {"depth": depth, "normals": normals, "mask": torch.ones_like(depth, dtype=torch.bool)}
     ours = protocol.score({"depth": guess, "normals": turned}, batch)  # type: ignore[typeddict-item]
-    names = [name for name in ours if name not in ("pixels", "normal_pixels", "delta_1_1")]
+    names = (*DEPTH_METRICS, *NORMAL_METRICS)
     twin = published_metrics(*(values.squeeze().numpy() for values in (guess, depth, turned, normals)))
     assert twin == pytest.approx([ours[name].item() for name in names], rel=2e-4)
 

@@ -27,6 +27,10 @@ RUN = (
     "data.split.test=[b]",
     "data.batch_size=2",
     "protocol=near",
+    "metrics.bias.power=3",
+    "optimizer=half",
+    "scheduler=warm_up",
+    "callbacks.more.count=counter",
     "preset=smoke",
     "trainer.max_epochs=1",
     "callbacks.panels=0",
@@ -68,6 +72,8 @@ def test_the_package_trains_with_all_of_its_parts(lab: Path) -> None:
     assert answer.returncode == 0, answer.stderr
     assert "minimises 1 berhu(threshold=0.1) + 0.5 gradient_l1" in answer.stdout
     assert "Depth: unet on disparity, test split, seed 0, protocol near" in answer.stdout
+    header = (lab / "run" / "per_frame.csv").read_text().splitlines()[0]
+    assert "bias" in header.split(",")
     best = f"checkpoint={lab / 'run' / 'checkpoints' / 'best.ckpt'}"
     without = call("evaluate", best, cwd=lab)
     assert (without.returncode, without.stdout) == (2, "")
@@ -98,6 +104,12 @@ def test_every_command_of_the_page_composes(line: str, lab: Path) -> None:
     composes = [] if program in ("list", "describe") else ["--cfg", "job"]
     answer = call(program, *words, *composes, cwd=lab)
     assert answer.returncode == 0, answer.stderr
+
+
+def test_the_package_obeys_the_laws(lab: Path) -> None:
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:dash", "mylab/test_parts.py"]
+    answer = subprocess.run(command, cwd=lab, capture_output=True, text=True, check=False)
+    assert answer.returncode == 0, answer.stdout
 
 
 def test_the_package_is_in_the_style_of_the_project(lab: Path) -> None:

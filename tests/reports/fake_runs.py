@@ -8,9 +8,14 @@ from typing import Any
 import numpy as np
 import yaml
 
-from col3d.reports.per_frame import METRICS, NORMAL_METRICS, write_per_frame
+from col3d.metric_specs import PAPER_DEPTH, PAPER_NORMALS
+from col3d.reports.paper_tables import methods
+from col3d.reports.per_frame import write_per_frame
 from col3d.reports.summary import summarise, write_json
 
+DEPTH_METRICS = tuple(spec.name for spec in PAPER_DEPTH)
+NORMAL_METRICS = tuple(spec.name for spec in PAPER_NORMALS)
+METRICS = (*DEPTH_METRICS, *NORMAL_METRICS)
 VIDEOS = {
     "cecum_t2_a": "cecum",
     "desc_t4_a": "descending",
@@ -36,6 +41,12 @@ LOSSES: dict[str, dict[str, Any]] = {
         "lambdas": [1.0, 10.0, 1.0],
     },
 }
+
+
+COLOURS = dict(
+    zip(LOSSES, ("#0072B2", "#56B4E9", "#009E73", "#000000", "#D55E00", "#E69F00", "#CC79A7"), strict=True)
+)
+"""That registrations give, by model."""
 
 
 def with_rmse(model: str) -> dict[str, Any]:
@@ -125,6 +136,8 @@ def write_run(
     rows = [{**row, "frame": row["frame"] + first} for row in rows]
     write_per_frame(where / "per_frame.csv", rows)
     more = {
+        "label": methods()[model],
+        "colour": COLOURS[model],
         "split_name": "paper",
         "frames_by_split": {"train": 32, "val": 8, "test": len(rows)},
         "checkpoint": str(folder / "checkpoints" / "best.ckpt"),

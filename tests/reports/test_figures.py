@@ -9,15 +9,27 @@ import cv2
 import numpy as np
 import pytest
 
-from col3d.reports.figures import DRAW, choice, draw, draw_all, error_against, lambda_study, training_curves
+from col3d.metric_specs import OURS
+from col3d.reports.figures import (
+    DRAW,
+    choice,
+    draw,
+    draw_all,
+    error_against,
+    lambda_study,
+    per_video,
+    training_curves,
+)
 from col3d.reports.figures.bins import quartiles
 from col3d.reports.figures.figure import LARGEST_FILE, blank, save
 from col3d.reports.figures.maps import angle_between, read_guess, read_truth
 from col3d.reports.figures.material import Material, material_of
-from col3d.reports.figures.style import ball, network_style, styles_of
+from col3d.reports.figures.plots import axis_label
+from col3d.reports.figures.style import PALETTE, Look, Style, ball, styles_of
+from col3d.reports.per_frame import read_per_frame, write_per_frame
 from col3d.reports.predictions import PredictionWriter, StoredPredictions
 from col3d.reports.runs import Found, Run, read_runs
-from tests.reports.fake_runs import VIDEOS, write_paper, write_run
+from tests.reports.fake_runs import VIDEOS, change_summary, write_paper, write_run
 
 FRAMES, SIZE = 3, (12, 16)
 NEED_TRUTH = [
@@ -270,8 +282,20 @@ def test_colours_of_methods_are_fixed(paper: Path, material: Material) -> None:
     assert styles["Col3D-MTL"] == styles["Col3D-MTL (L1)"]
     assert styles["Col3D-MTL"].colour == styles["Col3D-MTL (L2)"].colour
     assert styles["Col3D-MTL"].dash != styles["Col3D-MTL (L2)"].dash
-    assert network_style("anything") is None
-    others = styles_of([f"run {n}" for n in range(20)])
+
+
+def test_colours_are_those_of_registrations_and_else_of_a_palette() -> None:
+    """Runs of before have recorded none: networks then take turns, in the same order each time."""
+    given = Look("Mine", "#123456")
+    styles = styles_of({"Mine": given, "Mine (L2)": given, "run 1": Look("Theirs", "#654321")})
+    assert styles["Mine"] == Style("#123456")
+    assert styles["Mine (L2)"] == Style("#123456", "--")
+    assert styles["run 1"] == Style("#654321")
+    several = styles_of({"run 1": given, "run 2": given, "other": Look("Other", PALETTE[0])})
+    assert [style.colour for style in several.values()] == [PALETTE[1], PALETTE[2], PALETTE[0]]
+    before = styles_of({name: Look("BTS", "") for name in ("BTS", "BTS (L1)", "BTS (L2)")})
+    assert list(before.values()) == [Style(PALETTE[0]), Style(PALETTE[0]), Style(PALETTE[0], "--")]
+    others = styles_of({f"run {n}": Look("net", "") for n in range(20)})
     assert len(set(others.values())) == 20
 
 
@@ -330,3 +354,17 @@ def test_captions_name_other_data(paper: Path, tmp_path: Path) -> None:
     assert len(captions) == 2
     assert all("phantom" not in caption and "Data: c3vd" in caption for caption in captions)
     assert json.loads((root / "one" / "summary.json").read_text())["data"] == "c3vd"
+
+
+def test_metrics_of_plugins_are_drawn_beside_ours(tmp_path: Path) -> None:
+    """With their units and signs as they are, from 0 unless values are below; none of ours joins them."""
+    folder = write_run(tmp_path / "runs" / "bts")
+    rows = [{**row, "gain": -1.5, "mae": 2.0} for row in read_per_frame(folder / "per_frame.csv")]
+    write_per_frame(folder / "per_frame.csv", rows, [*OURS, "gain"])
+    change_summary(folder, metric_specs={"gain": {"heading": "Gain $x^$", "unit": "$", "better": "higher"}})
+    curve = "epoch,val/abs_rel,val/mae,val/gain,val/loss\n0,0.5,2.0,-3.0,1.0\n"
+    (folder / "metrics.csv").write_text(curve)
+    material = material_of(read_runs(tmp_path / "runs"), None)
+    said = [module.draw(material, tmp_path).caption for module in (per_video, training_curves)]
+    assert all(text.startswith("Abs Rel (lower is better) and Gain $x^$ (higher is better)") for text in said)
+    assert axis_label(material.main.methods[0].runs[0].specs["gain"]) == r"Gain \$x^\$ \$"

@@ -5,16 +5,17 @@ from pathlib import Path
 
 import pytest
 
+from col3d.metric_specs import OURS, MetricSpec
 from col3d.reports.per_frame import (
-    DEPTH_METRICS,
     IDENTITY,
-    METRICS,
     Row,
     by_video,
     means,
+    metrics_in,
     read_per_frame,
     write_per_frame,
 )
+from tests.reports.fake_runs import DEPTH_METRICS, METRICS
 
 
 def row(video: str, frame: int, **values: float) -> dict[str, str | int | float]:
@@ -34,7 +35,7 @@ def test_there_and_back_to_the_last_digit(tmp_path: Path) -> None:
     rows = [row("a, quoted", 0, **values), row("b", 7, abs_rel=math.pi)]
     write_per_frame(tmp_path / "per_frame.csv", rows)
     found = read_per_frame(tmp_path / "per_frame.csv")
-    assert list(found[0]) == [*IDENTITY, *METRICS, "delta_1_1", "pixels"]
+    assert list(found[0]) == [*IDENTITY, *OURS, "pixels"]
     assert {name: float(found[0][name]) for name in METRICS} == values
     assert (found[0]["video"], found[1]["frame"]) == ("a, quoted", "7")
     assert [name for name in METRICS if found[1][name] != ""] == ["abs_rel"]
@@ -51,15 +52,37 @@ def test_a_failed_write_leaves_the_old_table(tmp_path: Path) -> None:
     assert path.read_bytes() == before
 
 
-@pytest.mark.parametrize("lost", ["video", "abs_rel", "within_30"])
+@pytest.mark.parametrize("lost", IDENTITY)
 def test_a_missing_column_is_named(tmp_path: Path, lost: str) -> None:
     path = tmp_path / "per_frame.csv"
     path.write_text(",".join(name for name in (*IDENTITY, *METRICS) if name != lost) + "\n")
     with pytest.raises(ValueError, match=rf"per_frame\.csv: columns {lost} are missing"):
         read_per_frame(path)
     path.write_text("")
-    with pytest.raises(ValueError, match=r"columns model, seed, .*within_30 are missing"):
+    with pytest.raises(ValueError, match=r"columns model, seed, .*protocol are missing"):
         read_per_frame(path)
+
+
+def test_metrics_may_be_missing_and_unknown(tmp_path: Path) -> None:
+    path = tmp_path / "per_frame.csv"
+    cells = {**row("a", 0), "sharpness": "0.5", "rmse": "2.0", "pixels": "7"}
+    path.write_text(",".join(cells) + "\n" + ",".join(map(str, cells.values())) + "\n")
+    found = read_per_frame(path)
+    assert metrics_in(found) == ["rmse", "sharpness"]
+    assert means(found) == {"rmse": 2.0, "sharpness": 0.5}
+    assert means(found, "pixel") == {"rmse": 2.0}
+
+
+def test_a_mean_over_pixels_is_taken_as_the_spec_says() -> None:
+    rows: list[Row] = [
+        row("a", 0, rmse=1.0, mae=1.0, far_rmse=1.0, boundary_f1=0.1, own=1.0, pixels=300),
+        row("a", 1, rmse=3.0, mae=3.0, far_rmse=3.0, boundary_f1=0.3, own=3.0, pixels=100),
+    ]
+    found = means(rows, "pixel")
+    assert found == pytest.approx({"rmse": 3**0.5, "mae": 1.5})
+    for over, expected in (("mean", 1.5), ("root", 3**0.5)):
+        specs = {**OURS, "own": MetricSpec("own", over_pixels=over)}
+        assert means(rows, "pixel", specs)["own"] == pytest.approx(expected)
 
 
 def test_means_are_over_the_frames_that_have_a_value() -> None:

@@ -9,9 +9,9 @@ import pytest
 from PIL import Image
 
 from col3d.checks import UserError
-from col3d.reports.per_frame import DEPTH_METRICS
 from col3d.reports.run_page import write_run_page
 from col3d.reports.scenes import read_frame, save_frame
+from tests.reports.fake_runs import DEPTH_METRICS
 
 SCORES = dict.fromkeys(DEPTH_METRICS, 0.25)
 SUMMARY = {

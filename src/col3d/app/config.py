@@ -19,10 +19,11 @@ from col3d.checks import check_known
 from col3d.data.options import Data, Size, Split
 from col3d.logger_options import Loggers
 from col3d.losses.options import LossOptions, Weight
+from col3d.metrics import registered_specs
+from col3d.metrics.options import MetricOptions
 from col3d.models.options import ModelOptions, model_options
 from col3d.optimizers import OptimizerOptions, optimizer_options, sample_optimizer
 from col3d.registry import CALLBACKS, DATASETS, MODELS
-from col3d.reports.per_frame import DEPTH_METRICS, NORMAL_METRICS
 from col3d.schedulers import PlateauOptions, SchedulerOptions, scheduler_options, try_schedule
 from col3d.schema import NoneWord, Options
 
@@ -137,6 +138,7 @@ class TrainOptions(Options):
     callbacks: CallbackOptions
     logger: Loggers
     protocol: Protocols
+    metrics: MetricOptions
 
     @model_validator(mode="after")
     def _parts_fit(self) -> "TrainOptions":
@@ -179,8 +181,8 @@ class TrainOptions(Options):
                 f"model.unfreeze_at: expected fewer than trainer.max_epochs={self.trainer.max_epochs}, "
                 f"got {model.unfreeze_at}"
             )
-        normals = () if model.normals == "none" else NORMAL_METRICS
-        measured = [f"val/{name}" for name in ("loss", *DEPTH_METRICS, *normals)]
+        specs = registered_specs(task="depth" if model.normals == "none" else None, validation=True)
+        measured = [f"val/{name}" for name in ("loss", *specs)]
         if unknown := [name for name in self.objective if name not in measured]:
             raise ValueError(
                 f"objective: {', '.join(unknown)} is not measured with model={model.name}; there are "
@@ -248,6 +250,7 @@ class EvaluateOptions(Options):
     workers: Annotated[int, Field(ge=0)] | None
     accelerator: Literal["auto", "cpu", "gpu", "cuda"]
     compile: bool
+    metrics: MetricOptions
 
     @model_validator(mode="after")
     def _fits(self) -> "EvaluateOptions":

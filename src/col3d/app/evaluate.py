@@ -1,6 +1,7 @@
 """Predict a part of a split once, and score the predictions under any number of protocols."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,8 @@ from col3d.checks import UserError
 from col3d.data.datamodule import FrameDataModule, Frames
 from col3d.data.sized import SizedFrames, WithMixedTruth
 from col3d.data.workers import SteadyLoader
+from col3d.metrics import Protocol
+from col3d.metrics.measure import try_metrics
 from col3d.owned import Owned
 from col3d.refusals import check_options
 from col3d.reports.predictions import StoredPredictions, owned_predictions, read_facts
@@ -54,6 +57,8 @@ def evaluate(given: Mapping[str, Any]) -> None:
 
 def _evaluate(options: EvaluateOptions, stop: StopSignals) -> None:
     subject = subject_of(options)
+    height, width = subject.data.size
+    try_metrics(tuple(subject.task.val_metrics), (height, width), options.metrics)
     frames = sized_frames(subject.data, subject.phantom, options.split, subject.data.size)
     subject.scored.print_audit()
     for name in options.protocol:
@@ -67,7 +72,8 @@ def _evaluate(options: EvaluateOptions, stop: StopSignals) -> None:
         facts = facts_of(subject.name, subject.seed, subject.scored, name)
         folder, lengths = _folder(options, name), {str(options.split): len(frames)}
         results = Results(facts, folder, KIND, subject.scored, lengths, options.panels, protocol.average)
-        _score(stored, frames, name, protocol, subject, results)
+        scorer = replace(build.protocol(name, protocol), metrics=options.metrics)
+        _score(stored, frames, scorer, protocol, subject, results)
         stop.hold()  # for seconds, after which all files of this protocol are there
         Owned(folder, KIND, "output_dir").claim(*FILES)
         results.table.save()
@@ -133,7 +139,7 @@ def _facts(
 def _score(
     stored: StoredPredictions,
     frames: SizedFrames,
-    name: str,
+    protocol: Protocol,
     options: ProtocolOptions,
     subject: Subject,
     results: Results,
@@ -141,12 +147,15 @@ def _score(
     """Fill the results, frame by frame."""
     native = options.resolution == "native"
     truth = _truth(frames, options, subject, str(results.facts["split"]))
-    protocol, mean = build.protocol(name, options), subject.task.mean_depth
+    mean = subject.task.mean_depth
     results.panels.choose(len(frames))
     for batch in SteadyLoader(truth, batch_size=1, num_workers=subject.data.workers):
         prediction = _read(stored, batch)
         values = protocol.score(prediction, batch)
-        baseline = {} if mean is None else protocol.score({"depth": mean.expand_as(batch["depth"])}, batch)
+        baseline = {}
+        if mean is not None:
+            constant: Prediction = {"depth": mean.expand_as(batch["depth"])}
+            baseline = protocol.score(constant, batch, validation=True)
         results.table.add(batch, values, baseline)
         if not native:
             results.panels.keep(batch, prediction, values)

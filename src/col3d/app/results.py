@@ -13,6 +13,7 @@ from col3d.app.provenance import provenance
 from col3d.app.scored import Scored
 from col3d.callbacks import ImagePanels, PerFrameTable
 from col3d.data.videos import describe
+from col3d.registry import MODELS
 from col3d.reports.per_frame import means
 from col3d.reports.run_page import PAGE
 from col3d.reports.summary import print_summary, summarise, write_json
@@ -30,6 +31,13 @@ def facts_of(model: str, seed: int, scored: Scored, protocol: str) -> Facts:
         "split": scored.part,
         "protocol": protocol,
     }
+
+
+def look_of(model: str) -> dict[str, str]:
+    """How reports call a network and draw it, as far as its registration says."""
+    part = MODELS.parts.get(model)
+    said = {name: str(part.facts.get(name, "")) for name in ("label", "colour")} if part else {}
+    return {name: value for name, value in said.items() if value}
 
 
 class Results:
@@ -83,15 +91,16 @@ class Results:
         """
         facts = {
             **self.facts,
+            **look_of(str(self.facts["model"])),
             **self.context,
             "checkpoint": str(checkpoint),
             "best": dict(best),
-            "baseline": means(self.table.baseline, self.average),
+            "baseline": means(self.table.baseline, self.average, self.table.specs),
             "parameters": sum(p.numel() for p in task.get_submodule("network").parameters()),
             "cost": None,
             **provenance(),
         }
-        summary = summarise(self.table.rows, facts, self.average)
+        summary = summarise(self.table.rows, facts, self.average, self.table.specs)
         for logger in loggers:
             self.log(logger, summary)
         write_json(self.folder / SUMMARY, summary)

@@ -47,6 +47,7 @@ from col3d.checks import UserError
 from col3d.data.datamodule import FrameDataModule
 from col3d.logger_options import check_installed
 from col3d.losses import WeightedLoss
+from col3d.metrics.measure import try_metrics
 from col3d.refusals import check_options
 from col3d.tasks import SupervisedTask
 from col3d.whole import write_whole
@@ -111,7 +112,7 @@ def _trained(options: TrainOptions, folder: RunFolder, stop: StopSignals) -> flo
     if not is_first():
         return math.nan
     best = folder.finished["best"]
-    score = tuple(float(best[name]) for name in options.objective)
+    score = tuple(math.nan if best.get(name) is None else float(best[name]) for name in options.objective)
     return score[0] if len(score) == 1 else score
 
 
@@ -120,6 +121,8 @@ def _run(options: TrainOptions, folder: RunFolder, stop: StopSignals, status: Jo
     truth = options.one_protocol[1].truth
     frames = data_module(options.data, options.phantom, options.seed, test_truth=truth)
     task = build.task(options)
+    task.set_metric_options(options.metrics)
+    try_metrics(tuple(task.val_metrics), (options.data.size[0], options.data.size[1]), options.metrics)
     say = print if is_first() else lambda line: None
     assert isinstance(task.loss, WeightedLoss)
     say(f"minimises {task.loss.formula}")

@@ -5,9 +5,12 @@ from collections.abc import Callable
 
 from lightning import Callback, LightningModule, Trainer
 
+from col3d.metric_specs import OURS
+from col3d.metrics import registered_specs
+
 
 class EpochLines(Callback):
-    """Prints losses, the watched metrics, the time of the epoch and an estimate of what is left.
+    """Prints losses, watched metrics and those of plugins, the time of the epoch and what is left.
 
     Args:
         then: what else wants to know that so many epochs are done.
@@ -29,7 +32,8 @@ class EpochLines(Callback):
             return
         done, last = trainer.current_epoch + 1, trainer.max_epochs or 0
         pace = (time.monotonic() - self.start) / (done - self.first)
-        known = [name for name in self.SHOWN if name in metrics]
+        others = [f"val/{name}" for name in registered_specs(validation=True) if name not in OURS]
+        known = [name for name in (*self.SHOWN, *others) if name in metrics]
         values = "  ".join(f"{name} {metrics[name].item():.4f}" for name in known)
         print(
             f"epoch {done}/{last}  {values}  {pace:.1f} s an epoch, {pace * (last - done):.0f} s left",

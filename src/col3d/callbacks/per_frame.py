@@ -10,7 +10,8 @@ from lightning import Callback, LightningModule, Trainer
 from torch import Tensor
 
 from col3d.batch import Batch
-from col3d.reports.per_frame import COLUMNS, NORMAL_METRICS, write_per_frame
+from col3d.metrics import registered_specs
+from col3d.reports.per_frame import PIXELS, write_per_frame
 
 Row = dict[str, str | int | float]
 
@@ -28,6 +29,7 @@ class PerFrameTable(Callback):
         self, path: Path, facts: Mapping[str, str | int], describe: Callable[[str], tuple[str, str]]
     ) -> None:
         self.path, self.facts, self.describe = path, dict(facts), describe
+        self.specs = registered_specs()
         self.rows: list[Row] = []
         self.baseline: list[Row] = []
 
@@ -54,14 +56,26 @@ class PerFrameTable(Callback):
             for of_batch in (scored, scored_baseline)
         )
         pixels = scored.get("pixels", batch["mask"].flatten(1).sum(dim=1))
-        without_depth = (pixels == 0).tolist()
-        without_normals = (scored.get("normal_pixels", pixels) == 0).tolist()
+        uncounted = {
+            "depth": (pixels == 0).tolist(),
+            "normals": (scored.get("normal_pixels", pixels) == 0).tolist(),
+        }
         for i, (video, frame) in enumerate(zip(batch["video"], batch["frame"].tolist(), strict=True)):
             segment, texture = self.describe(video)
             where = {**self.facts, "video": video, "segment": segment, "texture": texture, "frame": frame}
-            uncounted = without_depth[i], without_normals[i]
-            self.rows.append({**where, **_values(values, i, *uncounted)})
-            self.baseline.append({**where, **_values(baseline, i, *uncounted)})
+            without = {task for task, of_frames in uncounted.items() if of_frames[i]}
+            count = {PIXELS: values[PIXELS][i]} if PIXELS in values else {}
+            self.rows.append({**where, **self._measured(values, i, without), **count})
+            self.baseline.append({**where, **self._measured(baseline, i, without), **count})
+
+    def _measured(self, values: Mapping[str, list[float]], index: int, without: set[str]) -> Row:
+        """Metrics of one frame, but for those that it has no value of."""
+        found = {name: values[name][index] for name in self.specs if name in values}
+        return {
+            name: value
+            for name, value in found.items()
+            if not (math.isnan(value) and (self.specs[name].undefined or self.specs[name].task in without))
+        }
 
     def on_test_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Gather, order and write."""
@@ -77,17 +91,7 @@ class PerFrameTable(Callback):
     def save(self) -> None:
         """Write the table as it is."""
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        write_per_frame(self.path, self.rows)
-
-
-def _values(values: Mapping[str, list[float]], index: int, without_depth: bool, without_normals: bool) -> Row:
-    """Metrics of one frame, but for those that had no pixel to count."""
-    found = {name: of_frames[index] for name, of_frames in values.items() if name in COLUMNS}
-    return {
-        name: value
-        for name, value in found.items()
-        if not (math.isnan(value) and (without_normals if name in NORMAL_METRICS else without_depth))
-    }
+        write_per_frame(self.path, self.rows, self.specs)
 
 
 def _gather(rows: list[Row], world_size: int) -> list[Row]:

@@ -14,7 +14,7 @@ SEVERAL = ("protocol", "logger")
 """Groups of which several may be chosen."""
 BEFORE = {f"logger.{option}": f"logger.wandb.{option}" for option in ("project", "offline")}
 """What options were called while there was one logger alone."""
-OPEN = ("loss.terms.", "callbacks.more.")
+OPEN = ("loss.terms.", "callbacks.more.", "metrics.")
 ENTRY = re.compile(r"callbacks\.more\.[^.=]+=(?!null$)[^{\[=]+")
 """An entry by the name of its callback alone, whose options may be said, too."""
 MAY_BE_NULL = [(group, "null") for group in ("experiment", "variant", "data")]

@@ -13,10 +13,11 @@ from col3d.checks import DataError
 from col3d.demo.uploads import MOST_SIDE, Truth, fitted
 from col3d.geometry import Camera
 from col3d.layers.network import needs_rays
+from col3d.metric_specs import OURS
 from col3d.metrics.functional import depth_metrics
 from col3d.reports.previews import depth_picture, normals_picture, with_colour_bar
 
-SCORES = {"abs_rel": "AbsRel", "rmse": "RMSE, mm", "delta1": "d1, share within a factor of 1.25"}
+SCORES = ("abs_rel", "rmse", "delta1")
 SHOWN_SIDE = 420
 """Pixels of the longer side of pictures with a scale, whose letters would else shrink with the page."""
 Picture = UInt8[np.ndarray, "_ _ 3"]
@@ -81,7 +82,7 @@ class Answer:
             torch.from_numpy(values)[None, None] for values in (self.depth, self.truth.depth, counts)
         )
         found = depth_metrics(preds, target, mask)
-        return {heading: float(found[name]) for name, heading in SCORES.items()}
+        return {OURS[name].screen_title: float(found[name]) for name in SCORES}
 
 
 def answer(network: Learnt, image: Picture, option: CameraOption, truth: Truth | None = None) -> Answer:

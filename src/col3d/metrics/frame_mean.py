@@ -1,6 +1,6 @@
 """The mean over frames, shared by all metrics."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import torch
@@ -11,30 +11,37 @@ from torchmetrics import Metric
 class FrameMean(Metric):
     """Sums of per-frame values and their number, in float64, added over batches and processes.
 
-    Frames of which no pixel counts are left out, and `empty_frames` says how many; any other NaN stays.
+    Frames of which no pixel counts are left out, and `empty_frames` says how many. Other NaN stays, but for
+    metrics that a frame need not have: there it is left out as well.
 
     Args:
         names: the values that each update brings.
+        undefined: those of them that a frame need not have.
     """
 
     higher_is_better = None
     full_state_update = False
     sums: Tensor
+    counted: Tensor
     frames: Tensor
     empty_frames: Tensor
 
-    def __init__(self, names: Sequence[str], **kwargs: Any) -> None:
+    def __init__(self, names: Sequence[str], undefined: Collection[str] = (), **kwargs: Any) -> None:
         super().__init__(**kwargs)
-        self.names = tuple(names)
+        self.names, self.undefined = tuple(names), frozenset(undefined)
         self.add_state("sums", torch.zeros(len(self.names), dtype=torch.float64), dist_reduce_fx="sum")
+        self.add_state("counted", torch.zeros(len(self.names), dtype=torch.int64), dist_reduce_fx="sum")
         self.add_state("frames", torch.zeros((), dtype=torch.int64), dist_reduce_fx="sum")
         self.add_state("empty_frames", torch.zeros((), dtype=torch.int64), dist_reduce_fx="sum")
 
     def add(self, values: Mapping[str, Tensor], mask: Tensor) -> None:
         """Add a batch: values of shape (b,) by name, and the mask (b, 1, h, w) they were computed under."""
         counts = mask.flatten(1).any(dim=1)
-        stacked = torch.stack([values[name] for name in self.names]).double()
-        self.sums += torch.where(counts, stacked, 0.0).sum(dim=1)
+        stacked = torch.stack([values[name].double() for name in self.names])
+        may_lack = torch.tensor([name in self.undefined for name in self.names], device=stacked.device)
+        having = counts & ~(may_lack[:, None] & stacked.isnan())
+        self.sums += torch.where(having, stacked, 0.0).sum(dim=1)
+        self.counted += having.sum(dim=1)
         self.frames += counts.sum()
         self.empty_frames += (~counts).sum()
 
@@ -43,5 +50,5 @@ class FrameMean(Metric):
         raise TypeError("FrameMean has no metric of its own; use DepthMetrics or NormalMetrics")
 
     def compute(self) -> dict[str, Tensor]:
-        """Means by name; NaN before the first frame."""
-        return dict(zip(self.names, self.sums / self.frames, strict=True))
+        """Means by name; NaN before the first frame that has a value."""
+        return dict(zip(self.names, self.sums / self.counted, strict=True))

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 from jaxtyping import Bool, Float
@@ -11,13 +12,10 @@ from torch.nn.functional import interpolate
 from col3d.batch import Batch, Prediction, normals_mask
 from col3d.checks import check_known
 from col3d.geometry import unit
-from col3d.metrics.functional import depth_metrics, normal_metrics
-from col3d.metrics.functional.depth import delta_share
+from col3d.metrics.measure import NONE, SMALLEST, Options, measure
 
 Depth = Float[Tensor, "b 1 h w"]
 Mask = Bool[Tensor, "b 1 h w"]
-SMALLEST = 1e-3
-"""Depth in mm to which predictions are raised, so that their logarithm exists."""
 
 
 @dataclass(frozen=True)
@@ -34,28 +32,37 @@ class Protocol:
     """Added to |p| |t| in the denominator of the cosine of normals; published code has 1e-3."""
     normal_axes: str = "house"
     """"house", or "published": y up, z out of the screen, and a true z below 0 cut to 0."""
+    metrics: Options | None = None
+    """Options of metrics, by their names."""
 
     def __post_init__(self) -> None:
         check_known("protocol.scaling", self.scaling, SCALINGS)
         check_known("protocol.normal_axes", self.normal_axes, ("house", "published"))
 
-    def score(self, prediction: Prediction, batch: Batch) -> dict[str, Float[Tensor, " b"]]:
-        """The metrics of each frame, by name, and how many `pixels` and `normal_pixels` it counted.
+    def score(
+        self, prediction: Prediction, batch: Batch, validation: bool = False
+    ) -> dict[str, Float[Tensor, " b"]]:
+        """All registered metrics of each frame by name, and how many `pixels` and `normal_pixels` it counted.
 
         A prediction of another size than the truth is enlarged or shrunk to it, bilinearly.
+
+        Args:
+            prediction: depth in mm, and normals where there are any.
+            batch: the truth.
+            validation: leave out what is not measured in validation, and takes longer.
         """
         low, high = self.truth_range
         depth = batch["depth"]
         mask = batch["mask"] & (depth > low) & (depth < high)
         guess = SCALINGS[self.scaling](_resized(prediction["depth"], depth), depth, mask)
-        values = depth_metrics(guess, depth, mask, SMALLEST, max(high, SMALLEST))
-        values["delta_1_1"] = delta_share(guess.clamp(SMALLEST, max(high, SMALLEST)), depth, mask, 1.1)
+        given: dict[str, Any] = {"options": self.metrics or NONE, "validation": validation}
+        values = measure("depth", guess, depth, mask, max_depth=max(high, SMALLEST), **given)
         if "normals" in prediction and "normals" in batch:
             pair = (_resized(prediction["normals"], depth), batch["normals"])
             if self.normal_axes == "published":
                 pair = published_axes(unit(pair[0])), cut_behind(published_axes(pair[1]))
             counted = mask & normals_mask(batch)
-            values |= normal_metrics(*pair, counted, self.cosine_epsilon)
+            values |= measure("normals", *pair, counted, cosine_epsilon=self.cosine_epsilon, **given)
             values["normal_pixels"] = counted.sum(dim=(1, 2, 3))
         return values | {"pixels": mask.sum(dim=(1, 2, 3))}
 

@@ -15,7 +15,7 @@ from col3d.models.options import MaxDepth, Width, with_encoder
 from col3d.registry import register_model
 
 
-@register_model("bts", loss="silog", presets=with_encoder("resnet18"))
+@register_model("bts", loss="silog", presets=with_encoder("resnet18"), label="BTS", colour="#0072B2")
 class BTS(DepthNetwork):
     """Encoder, dense ASPP, and a decoder that is guided by local planes at 1/8, 1/4 and 1/2.
 

@@ -34,7 +34,9 @@ FINEST_DEPTH: dict[str, Callable[[int], nn.Module]] = {
 }
 
 
-@register_model("bts_cbam", loss="silog", presets=with_encoder("resnet18"))
+@register_model(
+    "bts_cbam", loss="silog", presets=with_encoder("resnet18"), label="BTS-CBAM", colour="#56B4E9"
+)
 class BTSCBAM(BTS):
     """BTS with CBAM on the trunk's output, on both skip connections and on the features at 1/4 and 1/2.
 

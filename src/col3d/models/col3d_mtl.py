@@ -36,8 +36,8 @@ NORMALS_TOO: dict[str, Any] = {
 }
 
 
-@register_model("col3d_mtl", loss="mtl_xtc", **NORMALS_TOO)
-@register_model("bts_cbam_mtl", loss="mtl", **NORMALS_TOO)
+@register_model("col3d_mtl", loss="mtl_xtc", **NORMALS_TOO, label="Col3D-MTL", colour="#D55E00")
+@register_model("bts_cbam_mtl", loss="mtl", **NORMALS_TOO, label="BTS-CBAM-MTL", colour="#000000")
 class Col3DMTL(BTSCBAM):
     """One encoder and trunk, BTS-CBAM's decoder for depth, a decoder with UNC blocks for normals.
 

@@ -77,7 +77,13 @@ class PyramidDepth(nn.Module):
             return torch.sigmoid(at_least_float32(self.head(x.to(self.head.weight.dtype))))
 
 
-@register_model("monodepth_fpn", loss="monodepth_fpn", presets=with_encoder("resnet18"))
+@register_model(
+    "monodepth_fpn",
+    loss="monodepth_fpn",
+    presets=with_encoder("resnet18"),
+    label="MonoDepth+FPN (re-implementation)",
+    colour="#CC79A7",
+)
 class MonoDepthFPN(DepthNetwork):
     """Encoder, feature pyramid, pixel shuffles, one depth map at 1/4 that is enlarged bilinearly.
 

@@ -111,7 +111,13 @@ class NeuralCRF(nn.Module):
         return refined
 
 
-@register_model("newcrfs", loss="silog", presets=with_encoder("swin_tiny_patch4_window7_224"))
+@register_model(
+    "newcrfs",
+    loss="silog",
+    presets=with_encoder("swin_tiny_patch4_window7_224"),
+    label="NeWCRFs",
+    colour="#009E73",
+)
 class NeWCRFs(DepthNetwork):
     """Swin, pyramid pooling, and four stages of neural CRFs from /32 to /4, where depth is estimated.
 

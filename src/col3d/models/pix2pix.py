@@ -53,7 +53,9 @@ def way_up(channels: Sequence[int]) -> nn.ModuleList:
     return nn.ModuleList([double(channels[-1], channels[-2]), *later])
 
 
-@register_model("pix2pix", loss="pix2pix", task="adversarial", presets=SMALLER)
+@register_model(
+    "pix2pix", loss="pix2pix", task="adversarial", presets=SMALLER, label="pix2pix", colour="#E69F00"
+)
 class Pix2Pix(DepthNetwork):
     """U-Net generator of pix2pix: image in [-1, 1] -> depth in [-1, 1], which is [0, max_depth] mm.
 

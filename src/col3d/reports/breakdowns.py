@@ -4,7 +4,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from col3d.reports.compose import PHANTOM, TITLES, complete_sample, without_empty_columns
+from col3d.reports.compose import (
+    PHANTOM,
+    TITLES,
+    complete_sample,
+    having,
+    specs_in,
+    without_empty_columns,
+)
 from col3d.reports.experiments import Experiment, Repeats
 from col3d.reports.notes import Notes
 from col3d.reports.options import at
@@ -12,10 +19,8 @@ from col3d.reports.paper_tables import paper_table, training_shares
 from col3d.reports.runs import Run
 from col3d.reports.shares import training_frames
 from col3d.reports.statistics import mean_and_std
-from col3d.reports.tables import METRICS, Cell, Column, Line, Table
+from col3d.reports.tables import METRICS, Cell, Column, Line, Table, column_of
 
-SEGMENT_METRICS = ("silog", "rmse", "delta1")
-VIDEO_METRICS = ("abs_rel", "rmse", "silog", "delta1", "angle_mean")
 SPREAD = "Mean ± standard deviation (of the population, ddof=0) over the frames of all seeds."
 COSTS = (
     Column("parameters", "Parameters", "Parameters", "down", 2, 1e-6, "M"),
@@ -27,8 +32,9 @@ COSTS = (
 def segment_table(experiment: Experiment) -> Table | None:
     """Each segment by each method, with its share of the training frames; None where none is known."""
     notes, lines = Notes(), []
-    paper = paper_table("per_segment") if experiment.name == "benchmark" else {}
-    columns = tuple(METRICS[name] for name in SEGMENT_METRICS)
+    papers = paper_table("per_segment")
+    paper = papers if experiment.name == "benchmark" else {}
+    columns = tuple(METRICS[name] for name in next(iter(papers.values())))  # those that the paper prints
     shares = _shares(experiment, bool(paper), notes)
     for segment in _present(experiment, "segment"):
         for row in experiment.rows:
@@ -52,7 +58,7 @@ def segment_table(experiment: Experiment) -> Table | None:
 def video_table(experiment: Experiment) -> Table:
     """Each video by each method."""
     notes, lines = Notes(), []
-    columns = tuple(METRICS[name] for name in VIDEO_METRICS)
+    columns = having(experiment, [column_of(spec) for spec in specs_in(experiment).values() if spec.by_video])
     for video in _present(experiment, "video"):
         for row in experiment.rows:
             part = _part(row, "video", video)
@@ -64,7 +70,7 @@ def video_table(experiment: Experiment) -> Table:
         f"{TITLES[experiment.name]} by video",
         f"On {experiment.setting}. {SPREAD}",
         ("Video", "Frames", "Method"),
-        columns,
+        tuple(columns),
         tuple(lines),
         (*_beside(experiment, False), *notes.lines()),
         grouped=True,

@@ -1,8 +1,12 @@
 """Makes the tables of a report from experiments: values, intervals, and the paper's numbers beside them."""
 
+from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
+
 import numpy as np
 
-from col3d.reports.experiments import Experiment, Repeats
+from col3d.metric_specs import OURS, TASKS, MetricSpec
+from col3d.reports.experiments import Experiment, Repeats, label_of
 from col3d.reports.notes import Notes
 from col3d.reports.options import at
 from col3d.reports.paper_tables import SPLIT_PARTS, Values, paper_table
@@ -15,7 +19,7 @@ from col3d.reports.statistics import (
     paired_difference,
     sample_of,
 )
-from col3d.reports.tables import DEPTH, METRICS, NORMALS, Cell, Column, Line, Table, signed
+from col3d.reports.tables import Cell, Column, Line, Table, column_of, signed
 
 PHANTOM = "A phantom is not C3VD: these numbers compare runs on the phantom and nothing else."
 TITLES = {
@@ -23,17 +27,18 @@ TITLES = {
     "ablation": "Ablation",
     "lambda": "Weights of the loss",
 }
-BASELINES = {
-    "benchmark": {"BTS": (*DEPTH, "delta_1_1")},
-    "ablation": {"BTS": (*DEPTH, "delta_1_1"), "BTS-CBAM-MTL (L1)": NORMALS},
-    "lambda": {"(0.5, 0.3, 0.2)": (*DEPTH, "delta_1_1", *NORMALS)},
+BASELINES: dict[str, dict[str, tuple[str, ...]]] = {
+    "benchmark": {"BTS": ("depth",)},
+    "ablation": {"BTS": ("depth",), "BTS-CBAM-MTL (L1)": ("normals",)},
+    "lambda": {"(0.5, 0.3, 0.2)": TASKS},
 }
-"""What the rows of an experiment are held to, and by which metrics: BTS predicts no normals."""
-STRICT = "delta_1_1"
-COLUMNS = {"benchmark": (*DEPTH, STRICT)}
+"""What the rows of an experiment are held to, and by metrics of which tasks: BTS predicts no normals."""
+DEPTH_ALONE = ("benchmark",)
+"""Experiments that show of our metrics those of depth."""
 WITH_STD = ("benchmark",)
 PARTS = {"val": "validation", "test": "test"}
 NO_VALUES: Values = {}
+NO_TABLE: Mapping[str, Values] = MappingProxyType({})
 
 
 def title_of(experiment: Experiment) -> str:
@@ -43,53 +48,94 @@ def title_of(experiment: Experiment) -> str:
 
 def main_table(experiment: Experiment) -> Table:
     """Means over frames with their intervals, and the paper's numbers."""
-    name, notes = experiment.name, Notes()
+    name = experiment.name
     paper = paper_table(name) if name in SPLIT_PARTS else {}
-    columns = [METRICS[key] for key in COLUMNS.get(name, (*DEPTH, STRICT, *NORMALS))]
-    lines = []
+    columns = [column_of(spec) for spec in specs_in(experiment).values() if not spec.further]
+    if name in DEPTH_ALONE:
+        columns = [column for column in columns if column.key not in OURS or column.task == "depth"]
+    notes = (
+        *_comparison(experiment, bool(paper)),
+        *(f"Left out: {line}" for line in experiment.left_out),
+        *experiment.notes,
+    )
+    return _means(experiment, name, title_of(experiment), columns, paper, notes)
+
+
+def further_table(experiment: Experiment) -> Table | None:
+    """Our metrics that the paper does not print; None where no run has any."""
+    columns = [column_of(spec) for spec in specs_in(experiment).values() if spec.further]
+    title = f"{title_of(experiment)}: further metrics"
+    table = _means(experiment, f"{experiment.name}_further", title, columns, {}, _phantom(experiment))
+    return table if table.columns else None
+
+
+def specs_in(experiment: Experiment) -> dict[str, MetricSpec]:
+    """What is said of the metrics of all its runs: by task, ours first."""
+    found = dict(OURS)
+    for run in (run for row in experiment.rows for run in row.runs):
+        found |= {name: spec for name, spec in run.specs.items() if name not in found or not found[name].task}
+    order = [*TASKS, ""]
+    return dict(
+        sorted(found.items(), key=lambda item: order.index(item[1].task) if item[1].task in order else 2)
+    )
+
+
+def _means(
+    experiment: Experiment,
+    name: str,
+    title: str,
+    columns: Sequence[Column],
+    paper: Mapping[str, Values],
+    said: Iterable[str],
+) -> Table:
+    """Means over frames with their intervals."""
+    notes, lines, with_std = Notes(), [], experiment.name in WITH_STD
+    columns = having(experiment, columns, paper)
     for row in experiment.rows:
         printed = paper.get(row.label, NO_VALUES)
-        cells = [_measured(row, column, printed, notes, name in WITH_STD) for column in columns]
+        cells = [_measured(row, column, printed, notes, with_std) for column in columns]
         lines.append(Line(_heads(experiment, row), tuple(cells)))
-    spread = " ± standard deviation (of the population, ddof=0)" if name in WITH_STD else ""
+    spread = " ± standard deviation (of the population, ddof=0)" if with_std else ""
     caption = (
         f"On {experiment.setting}. Mean{spread} over the frames of all seeds; in brackets the 95 % interval "
         f"of a bootstrap over videos and seeds, {DRAWS} draws."
     )
-    table = Table(
-        name,
-        title_of(experiment),
-        caption,
-        _head_names(experiment),
-        tuple(columns),
-        tuple(lines),
-        (
-            *_comparison(experiment, bool(paper)),
-            *(f"Left out: {line}" for line in experiment.left_out),
-            *experiment.notes,
-            *notes.lines(),
-        ),
-    )
+    heads = _head_names(experiment)
+    table = Table(name, title, caption, heads, tuple(columns), tuple(lines), (*said, *notes.lines()))
     return without_empty_columns(table)
+
+
+def having(
+    experiment: Experiment, columns: Sequence[Column], paper: Mapping[str, Values] = NO_TABLE
+) -> list[Column]:
+    """Columns that any run, or the paper, has a value for: what nobody has is no lack."""
+    runs = [run for row in experiment.rows for run in row.runs]
+    printed = {metric for values in paper.values() for metric in values}
+    return [
+        column
+        for column in columns
+        if column.key in printed or any(np.isfinite(run.values(column.key)).any() for run in runs)
+    ]
 
 
 def difference_tables(experiment: Experiment) -> list[Table]:
     """Every row less a baseline on the same frames, where there is one and something to hold to it."""
     tables = [
-        _differences(experiment, baseline, metrics)
-        for baseline, metrics in BASELINES.get(experiment.name, {}).items()
+        _differences(experiment, baseline, tasks)
+        for baseline, tasks in BASELINES.get(experiment.name, {}).items()
     ]
     return [table for table in tables if table.rows and table.columns]
 
 
-def _differences(experiment: Experiment, baseline: str, metrics: tuple[str, ...]) -> Table:
+def _differences(experiment: Experiment, baseline: str, tasks: tuple[str, ...]) -> Table:
     base = next((row for row in experiment.rows if row.label == baseline), None)
-    columns, notes, lines = [METRICS[key] for key in metrics], Notes(), []
+    specs = [s for s in specs_in(experiment).values() if s.task in tasks and not s.further]
+    columns, notes, lines = having(experiment, [column_of(spec) for spec in specs]), Notes(), []
     for row in experiment.rows if base else ():
         cells = tuple(_difference(row, base, column, notes) for column in columns) if base else ()
         if row is not base and any(cell.value is not None for cell in cells):
             lines.append(Line(_heads(experiment, row), cells))
-    of_what = ", normals" if metrics == NORMALS else ""
+    of_what = ", normals" if tasks == ("normals",) else ""
     table = Table(
         f"{experiment.name}_differences{'_normals' if of_what else ''}",
         f"{title_of(experiment)}: differences from {baseline}{of_what}",
@@ -118,18 +164,16 @@ def _measured(row: Repeats, column: Column, printed: Values, notes: Notes, with_
 
 def complete_sample(row: Repeats, column: Column, notes: Notes) -> Sample | None:
     """The values of a metric, None (and a note) where a repetition that should have it does not."""
-    without = [run.name for run in row.runs if not np.isfinite(run.frames[column.key]).any()]
+    without = [run.name for run in row.runs if not np.isfinite(run.values(column.key)).any()]
     if without:
-        depth_alone = at(row.runs[0].options, "model.normals") == "none" and column.key in NORMALS
+        depth_alone = at(row.runs[0].options, "model.normals") == "none" and column.task == "normals"
         if not depth_alone or len(without) < len(row.runs):
-            lacks = notes.missing.setdefault(row.label, {}).setdefault(", ".join(without), [])
-            lacks += [column.key] if column.key not in lacks else []
+            notes.lacks(row.label, ", ".join(without), column.key)
         return None
     sample = sample_of(row.runs, column.key)
     expected = sum(len(run.frames["frame"]) for run in row.runs)
     if len(sample.values) < expected:
-        note = f"{row.label}: {expected - len(sample.values)} of {expected} frames have no {column.key}"
-        notes.add(f"{note} and are not in its mean.")
+        notes.lacks_in(row.label, expected - len(sample.values), expected, column.key)
     return sample
 
 
@@ -178,7 +222,7 @@ def _head_names(experiment: Experiment) -> tuple[str, ...]:
 def _heads(experiment: Experiment, row: Repeats) -> tuple[str, ...]:
     seeds = ", ".join(str(run.summary["seed"]) for run in row.runs)
     if experiment.name not in TITLES:
-        return (row.label, str(at(row.runs[0].options, "model.name")), seeds)
+        return (row.label, label_of(row.runs[0]), seeds)
     return (row.label, seeds)
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from col3d.reports.options import Loss, at, differing, fingerprint, loss_of
-from col3d.reports.paper_tables import LABELS, SPLIT_PARTS, ablation_label, lambda_label, paper_table
+from col3d.reports.paper_tables import SPLIT_PARTS, ablation_label, lambda_label, methods, paper_table
 from col3d.reports.runs import Found, Run
 from col3d.reports.setting import Setting, setting_of
 
@@ -60,7 +60,7 @@ def benchmark_row(options: dict[str, Any]) -> str | None:
     """The method, where it is trained with its own loss and heads."""
     model = str(at(options, "model.name"))
     fits = _plain(options) and loss_of(options) == OWN_LOSSES.get(model)
-    return LABELS[model] if fits else None
+    return methods()[model] if fits else None
 
 
 def ablation_row(options: dict[str, Any]) -> str | None:
@@ -173,6 +173,12 @@ def _training(rows: Sequence[Repeats]) -> list[str]:
     if len(set(counts.values())) > 1:
         notes.append("Repetitions differ: " + ", ".join(f"{k} {n}" for k, n in counts.items()))
     return notes
+
+
+def label_of(run: Run) -> str:
+    """What a network is called: as its registration says, as the paper does, or by its name."""
+    model = str(run.summary["model"])
+    return str(run.summary.get("label") or methods().get(model, model))
 
 
 def _others(runs: Sequence[Run]) -> list[Experiment]:

@@ -11,13 +11,14 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from col3d.metric_specs import OURS
 from col3d.reports.jobs import STATES, Job, read_sweep
 from col3d.reports.screen import plain_console
 from col3d.reports.summary import LOG_WIDTH
 
 EXIT_CODE = 2
 STYLES = {"done": "green", "running": "cyan", "failed": "red", "missing": "dim"}
-SCORE = "val/abs_rel"
+SCORE = "abs_rel"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -42,7 +43,7 @@ def print_ledger(jobs: Sequence[Job], console: Console | None = None) -> None:
     table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column("job", overflow="fold")
     table.add_column("state", no_wrap=True)
-    for heading in ("epochs", "time", "best AbsRel"):
+    for heading in ("epochs", "time", f"best {OURS[SCORE].screen_title}"):
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("said last", overflow="fold")
     for job in jobs:
@@ -69,7 +70,7 @@ def _time(job: Job) -> str:
 
 
 def _score(job: Job) -> str:
-    score = job.result["best"].get(SCORE) if job.result else None
+    score = job.result["best"].get(f"val/{SCORE}") if job.result else None
     return "" if score is None else f"{score:.4f}"
 
 

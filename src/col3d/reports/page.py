@@ -13,7 +13,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from col3d.reports import render
 from col3d.reports.breakdowns import cost_table, segment_table, video_table
-from col3d.reports.compose import PHANTOM, difference_tables, main_table, title_of
+from col3d.reports.compose import PHANTOM, difference_tables, further_table, main_table, title_of
 from col3d.reports.experiments import Experiment
 from col3d.reports.places import command_without_places, last_name, without_places
 from col3d.reports.runs import Found, Run
@@ -45,7 +45,7 @@ def tables_of(experiments: Sequence[Experiment]) -> list[Table]:
     """Every table of a report, in its order."""
     tables: list[Table | None] = []
     for experiment in experiments:
-        tables += [main_table(experiment), *difference_tables(experiment)]
+        tables += [main_table(experiment), further_table(experiment), *difference_tables(experiment)]
         if experiment.name in BY_PART:
             tables += [segment_table(experiment), video_table(experiment)]
     return [table for table in (*tables, cost_table(experiments)) if table is not None]

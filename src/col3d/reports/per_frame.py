@@ -5,58 +5,66 @@ import io
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
+from col3d.metric_specs import OURS, MetricSpec
 from col3d.whole import write_whole
 
-DEPTH_METRICS = ("abs_rel", "sq_rel", "log10", "rmse", "rmse_log", "silog", "delta1", "delta2", "delta3")
-NORMAL_METRICS = ("angle_mean", "angle_median", "within_11_25", "within_22_5", "within_30")
-METRICS = (*DEPTH_METRICS, *NORMAL_METRICS)
-STRICT = "delta_1_1"
-"""The share of pixels within 10 %, beside the usual metrics; tables of before lack it."""
-ROOTS = ("rmse", "rmse_log")
-"""Metrics whose squares are averaged over pixels."""
 AVERAGES = ("frame", "video", "pixel")
 """What weighs the same in a mean."""
 IDENTITY = ("model", "seed", "data", "split", "video", "segment", "texture", "frame", "protocol")
 PIXELS = "pixels"
 """How many pixels a frame counted; tables of before lack it."""
-COLUMNS = (*IDENTITY, *METRICS, STRICT, PIXELS)
 Row = Mapping[str, str | int | float]
 
 
-def write_per_frame(path: Path, rows: Iterable[Row]) -> None:
-    """Write the table in one step; metrics that a model does not have stay empty."""
+def write_per_frame(path: Path, rows: Iterable[Row], metrics: Iterable[str] = tuple(OURS)) -> None:
+    """Write the table in one step; metrics that a model does not have stay empty.
+
+    Args:
+        path: of the table.
+        rows: a mapping by column for each frame.
+        metrics: names of the columns of metrics.
+
+    Raises:
+        ValueError: a row has another column.
+    """
     text = io.StringIO(newline="")
-    writer = csv.DictWriter(text, COLUMNS, restval="")
+    writer = csv.DictWriter(text, (*IDENTITY, *metrics, PIXELS), restval="")
     writer.writeheader()
     writer.writerows(rows)
     write_whole(path, text.getvalue())
 
 
 def read_per_frame(path: Path) -> list[dict[str, str]]:
-    """The rows of a table as text; older tables lack the last two columns.
+    """The rows of a table as text; it has the metrics that were known when it was written.
 
     Raises:
-        ValueError: another column is missing.
+        ValueError: a column that says which frame a row is of is missing.
     """
     with path.open(newline="", encoding="utf-8") as file:
         reader = csv.DictReader(file)
-        missing = [
-            name
-            for name in (*IDENTITY, *DEPTH_METRICS, *NORMAL_METRICS)
-            if name not in (reader.fieldnames or ())
-        ]
+        missing = [name for name in IDENTITY if name not in (reader.fieldnames or ())]
         if missing:
             raise ValueError(f"{path}: columns {', '.join(missing)} are missing")
         return list(reader)
 
 
-def means(rows: Sequence[Row], average: str = "frame") -> dict[str, float]:
+def metrics_in(rows: Iterable[Row]) -> list[str]:
+    """Names of the metrics that rows have: ours in their order, then others in that of the columns."""
+    found = dict.fromkeys(name for row in rows for name in row if isinstance(name, str))
+    others = [name for name in found if name not in OURS and name not in (*IDENTITY, PIXELS)]
+    return [*(name for name in OURS if name in found), *others]
+
+
+def means(
+    rows: Sequence[Row], average: str = "frame", specs: Mapping[str, MetricSpec] = OURS
+) -> dict[str, float]:
     """Mean of every metric that the rows have; a frame without valid pixels has none.
 
     Args:
         rows: of one run.
         average: what weighs the same: each "frame", each "video" whatever its length, or each "pixel" that
-            counts (squares are averaged for rmse and rmse_log; the others are means of frames' values).
+            counts, where the metric's spec says how: see `MetricSpec.over_pixels`.
+        specs: of the metrics; one without a spec has no mean over pixels.
 
     Raises:
         ValueError: the average is unknown.
@@ -64,12 +72,15 @@ def means(rows: Sequence[Row], average: str = "frame") -> dict[str, float]:
     if average not in AVERAGES:
         raise ValueError(f"average: expected {', '.join(AVERAGES)}, got {average!r}")
     if average == "video":
-        return _mean_of([means(of_it) for of_it in by_video(rows).values()])
+        return _mean_of([means(of_it, specs=specs) for of_it in by_video(rows).values()])
     found = {}
-    for name in (*METRICS, STRICT):
-        having = [row for row in rows if row.get(name, "") != ""]
+    for name in metrics_in(rows):
+        over_pixels = specs[name].over_pixels if name in specs else None
+        if average == "pixel" and over_pixels is None:
+            continue
+        having = [row for row in rows if row.get(name, "") not in ("", None)]
         weights = [float(row["pixels"]) if average == "pixel" else 1.0 for row in having]
-        power = 2 if average == "pixel" and name in ROOTS else 1
+        power = 2 if average == "pixel" and over_pixels == "root" else 1
         total = sum(w * float(row[name]) ** power for w, row in zip(weights, having, strict=True))
         if sum(weights) > 0:
             found[name] = (total / sum(weights)) ** (1 / power)
@@ -77,8 +88,9 @@ def means(rows: Sequence[Row], average: str = "frame") -> dict[str, float]:
 
 
 def _mean_of(values: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    having = {name: [v[name] for v in values if name in v] for name in (*METRICS, STRICT)}
-    return {name: sum(of_it) / len(of_it) for name, of_it in having.items() if of_it}
+    names = dict.fromkeys(name for of_video in values for name in of_video)
+    having = {name: [v[name] for v in values if name in v] for name in names}
+    return {name: sum(of_it) / len(of_it) for name, of_it in having.items()}
 
 
 def by_video(rows: Iterable[Row]) -> dict[str, list[Row]]:

@@ -53,7 +53,7 @@ def paper(column: Column, cell: Cell) -> str:
 
 def markdown(table: Table) -> str:
     """Title, caption, the table with a row each for intervals and the paper's numbers, and notes."""
-    lines = [[*table.heads, *map(heading, table.columns)]]
+    lines = [[*table.heads, *(heading(column).replace("|", r"\|") for column in table.columns)]]
     lines.append(["---"] * len(table.heads) + ["---:"] * len(table.columns))
     for row, of_row in zip(table.rows, marks(table), strict=True):
         own = [
@@ -75,7 +75,9 @@ def markdown(table: Table) -> str:
 def latex(table: Table) -> str:
     """A `table*` with booktabs rules: best bold, second underlined."""
     heads = [f"\\textbf{{{escape(head)}}}" for head in table.heads]
-    heads += [f"{column.latex}{LATEX_ARROWS[column.better]}" for column in table.columns]
+    heads += [
+        f"{column.latex or escape(column.heading)}{LATEX_ARROWS[column.better]}" for column in table.columns
+    ]
     body = []
     for i, (row, of_row) in enumerate(zip(table.rows, marks(table), strict=True)):
         if table.grouped and i and row.heads[0] != table.rows[i - 1].heads[0]:

@@ -16,16 +16,15 @@ from markupsafe import Markup
 from col3d.checks import UserError
 from col3d.owned import Owned
 from col3d.reports.figures.material import Method
-from col3d.reports.figures.style import VERMILLION, Style
+from col3d.reports.figures.style import BLACK, Style
 from col3d.reports.figures.training_curves import curves, draw_methods
 from col3d.reports.jobs import TRAINING
 from col3d.reports.page import data_uri, environment
-from col3d.reports.per_frame import DEPTH_METRICS, NORMAL_METRICS
 from col3d.reports.places import command_without_places, without_places
 from col3d.reports.runs import Run
 from col3d.reports.scenes import Scene, read_frame
 from col3d.reports.shapes import read_object
-from col3d.reports.summary import HEADINGS, rows_of
+from col3d.reports.summary import on_screen, rows_of
 from col3d.whole import write_whole
 
 PAGE = "run.html"
@@ -94,15 +93,14 @@ def _read_summary(folder: Path) -> dict[str, Any]:
 
 def _tables(summary: dict[str, Any]) -> list[dict[str, Any]]:
     """Depth, and normals where there are: headings and rows."""
-    kinds = {"Depth": DEPTH_METRICS, "Normals": NORMAL_METRICS}
     return [
         {
-            "title": title,
-            "headings": ["video", "frames", *(HEADINGS[name] for name in metrics)],
+            "title": task.capitalize(),
+            "headings": ["video", "frames", *(spec.screen_title for spec in metrics)],
             "rows": rows_of(summary, metrics),
         }
-        for title, metrics in kinds.items()
-        if metrics[0] in summary["metrics"]
+        for task, metrics in on_screen(summary).items()
+        if any(spec.name in summary["metrics"] for spec in metrics)
     ]
 
 
@@ -112,7 +110,9 @@ def _curves(run: Run) -> str | None:
         return None
     with TemporaryDirectory() as place:
         path = Path(place) / "curves.png"
-        draw_methods(path, [Method(str(run.summary["model"]), (run,), Style(VERMILLION))])
+        draw_methods(
+            path, [Method(str(run.summary["model"]), (run,), Style(str(run.summary.get("colour") or BLACK)))]
+        )
         return data_uri(path)
 
 

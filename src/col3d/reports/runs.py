@@ -11,18 +11,22 @@ import numpy as np
 import yaml
 
 from col3d.earlier import updated
-from col3d.reports.per_frame import METRICS, PIXELS, STRICT, read_per_frame
+from col3d.metric_specs import MetricSpec, unknown
+from col3d.reports.per_frame import PIXELS, metrics_in, read_per_frame
 from col3d.reports.shapes import misfit
+from col3d.reports.summary import specs_of
 
 CONFIG, SUMMARY, TABLE = "config.yaml", "summary.json", "per_frame.csv"
 FACTS = ("model", "seed", "data", "split", "protocol", "split_name", "frames")
 SAME = ("model", "seed", "data", "split", "protocol")
 """Columns that hold one value in a table of one run."""
-MEASURED = (*METRICS, STRICT)
+TEXT = ("video", "segment")
 FOREIGN = {"wandb", "checkpoints", "panels", "predictions"}
 """Folders of a run that hold no run, though W&B keeps a config.yaml of its own."""
 Frames = dict[str, np.ndarray]
-"""Columns of equal length: video, segment (text), frame (int), pixels, metrics (float, NaN where empty)."""
+"""Columns of equal length: video, segment (text), frame (int), pixels, metrics (float, NaN where empty).
+
+Metrics are those of the table: `Run.values` has NaN for others."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +46,18 @@ class Run:
     summary: dict[str, Any]
     frames: Frames
     name: str
+
+    def values(self, metric: str) -> np.ndarray:
+        """A metric of each frame; NaN where the frame, or the whole table, does not have it."""
+        found = self.frames.get(metric)
+        return np.full(len(self.frames["frame"]), np.nan) if found is None else found
+
+    @property
+    def specs(self) -> dict[str, MetricSpec]:
+        """What is said of the metrics: ours, those of plugins that it recorded, and its other columns."""
+        said = specs_of(self.summary)
+        columns = [name for name in self.frames if name not in (*TEXT, "frame", PIXELS)]
+        return {**said, **{name: unknown(name) for name in columns if name not in said}}
 
 
 @dataclass(frozen=True)
@@ -130,10 +146,12 @@ def _frames(path: Path, summary: dict[str, Any]) -> Frames:
     try:
         rows = read_per_frame(path)
         rows.sort(key=lambda row: (row["video"], int(row["frame"])))
-        text = {name: np.array([row[name] for row in rows], str) for name in ("video", "segment")}
-        numbers = {
-            name: np.array([float(row.get(name) or "nan") for row in rows]) for name in (PIXELS, *MEASURED)
-        }
+        text = {name: np.array([row[name] for row in rows], str) for name in TEXT}
+        known = specs_of(summary)
+        numbers = {PIXELS: _numbers(rows, PIXELS)}
+        for metric in metrics_in(rows):
+            if metric in known or _is_numeric(rows, metric):
+                numbers[metric] = _numbers(rows, metric)
         frames = {**text, "frame": np.array([int(row["frame"]) for row in rows], np.int64), **numbers}
     except FileNotFoundError:
         raise _UnusableError(f"not finished, {TABLE} is missing") from None
@@ -141,6 +159,18 @@ def _frames(path: Path, summary: dict[str, Any]) -> Frames:
         raise _UnusableError(f"{TABLE} cannot be read: {str(error).rpartition(': ')[2]}") from None
     _check(rows, frames, summary)
     return frames
+
+
+def _numbers(rows: list[dict[str, str]], name: str) -> np.ndarray:
+    return np.array([float(row.get(name) or "nan") for row in rows])
+
+
+def _is_numeric(rows: list[dict[str, str]], name: str) -> bool:
+    """Whether a column that nobody knows may be a metric."""
+    try:
+        return bool(np.isfinite(_numbers(rows, name)).any())
+    except ValueError:
+        return False
 
 
 def _check(rows: list[dict[str, str]], frames: Frames, summary: dict[str, Any]) -> None:
@@ -155,9 +185,17 @@ def _check(rows: list[dict[str, str]], frames: Frames, summary: dict[str, Any]) 
     twice = [key for key, n in Counter((row["video"], row["frame"]) for row in rows).items() if n > 1]
     if twice:
         raise _UnusableError(f"{TABLE} has frame {twice[0][1]} of {twice[0][0]} twice")
-    rows_in_order = np.array([[row.get(name) not in ("", None) for name in MEASURED] for row in rows])
-    broken = rows_in_order & ~np.isfinite(np.stack([frames[name] for name in MEASURED], axis=1))
+    _check_finite(rows, frames, [name for name, spec in specs_of(summary).items() if not spec.undefined])
+
+
+def _check_finite(rows: list[dict[str, str]], frames: Frames, metrics: list[str]) -> None:
+    """Refuse errors of predictions that are no numbers; metrics that a frame need not have may lack any."""
+    measured = [name for name in metrics if name in frames]
+    if not measured:
+        return
+    given = np.array([[row.get(name) not in ("", None) for name in measured] for row in rows])
+    broken = given & ~np.isfinite(np.stack([frames[name] for name in measured], axis=1))
     if broken.any():
         row, column = np.argwhere(broken)[0]
         where = f"frame {rows[row]['frame']} of {rows[row]['video']}"
-        raise _UnusableError(f"{MEASURED[column]} is not finite in {where} ({broken.sum()} values in all)")
+        raise _UnusableError(f"{measured[column]} is not finite in {where} ({broken.sum()} values in all)")

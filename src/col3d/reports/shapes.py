@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -43,6 +43,24 @@ class _Video(_Shape):
     __pydantic_extra__: Scores = Field(init=False)
 
 
+class _Spec(_Shape):
+    task: str = ""
+    better: Literal["lower", "higher"] | None = None
+    unit: str = ""
+    heading: str = ""
+    latex: str = ""
+    decimals: Annotated[int, Field(ge=0, le=12)] = 3
+    scale: Finite = 1.0
+    over_pixels: str | None = None
+    in_validation: bool = True
+    undefined: bool = True
+    short: str = ""
+    short_decimals: Annotated[int, Field(ge=0, le=12)] | None = None
+    on_screen: bool = True
+    by_video: bool = True
+    further: bool = False
+
+
 class _Cost(_Shape):
     parameters: Count = 0
     gflop: Finite | None = None
@@ -72,6 +90,9 @@ class _Summary(_Shape):
     command: str | None = None
     commit: str | None = None
     checkpoint: str | None = None
+    metric_specs: dict[str, _Spec] = {}
+    label: str = ""
+    colour: Annotated[str, Field(pattern="^(#[0-9A-Fa-f]{6})?$")] = ""
 
 
 SHAPES: dict[str, type[_Shape]] = {

@@ -41,7 +41,7 @@ class Difference:
 
 def sample_of(runs: Sequence[Run], metric: str) -> Sample:
     """All frames of all repetitions that have a value."""
-    values = np.concatenate([run.frames[metric] for run in runs])
+    values = np.concatenate([run.values(metric) for run in runs])
     seeds = np.repeat([int(run.summary["seed"]) for run in runs], [len(r.frames["frame"]) for r in runs])
     videos, frames = (np.concatenate([run.frames[name] for run in runs]) for name in ("video", "frame"))
     having = np.isfinite(values)

@@ -9,46 +9,54 @@ from typing import Any
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
-from col3d.reports.per_frame import DEPTH_METRICS, NORMAL_METRICS, Row, by_video, means
+from col3d.metric_specs import OURS, TASKS, MetricSpec, specs_from
+from col3d.reports.per_frame import Row, by_video, means, metrics_in
 from col3d.reports.screen import plain_console
 from col3d.whole import write_whole
 
-HEADINGS = {
-    "abs_rel": "AbsRel",
-    "sq_rel": "SqRel mm",
-    "log10": "log10",
-    "rmse": "RMSE mm",
-    "rmse_log": "RMSElog",
-    "silog": "SILog %",
-    "delta1": "d1",
-    "delta2": "d2",
-    "delta3": "d3",
-    "angle_mean": "mean deg",
-    "angle_median": "median deg",
-    "within_11_25": "< 11.25 deg",
-    "within_22_5": "< 22.5 deg",
-    "within_30": "< 30 deg",
-}
-DECIMALS = {"rmse": 2, "silog": 2, "angle_mean": 2, "angle_median": 2}
 LOG_WIDTH = 120
 """Columns to take where the output is no terminal."""
 ALL_FRAMES, BASELINE = "all frames", "mean training depth"
 
 
-def summarise(rows: Sequence[Row], facts: Mapping[str, Any], average: str = "frame") -> dict[str, Any]:
-    """Means over all frames and by video, beside facts about the run."""
+def summarise(
+    rows: Sequence[Row],
+    facts: Mapping[str, Any],
+    average: str = "frame",
+    specs: Mapping[str, MetricSpec] = OURS,
+) -> dict[str, Any]:
+    """Means over all frames and by video, beside facts about the run and the specs of its metrics."""
+    inside = "pixel" if average == "pixel" else "frame"
     videos = {
-        name: {"frames": len(of_it), **means(of_it, "pixel" if average == "pixel" else "frame")}
-        for name, of_it in by_video(rows).items()
+        name: {"frames": len(of_it), **means(of_it, inside, specs)} for name, of_it in by_video(rows).items()
     }
     return {
         **facts,
         "average": average,
         "frames": len(rows),
         "frames_without_truth": sum(row.get("abs_rel", "") == "" for row in rows),
-        "metrics": means(rows, average),
+        "metrics": means(rows, average, specs),
         "videos": videos,
+        "metric_specs": {name: specs[name].plain() for name in metrics_in(rows) if name in specs},
+    }
+
+
+def specs_of(summary: Mapping[str, Any]) -> dict[str, MetricSpec]:
+    """What is said of the metrics of a run: ours, then those that its summary brings along."""
+    recorded = specs_from(summary.get("metric_specs") or {})
+    return {**OURS, **{name: spec for name, spec in recorded.items() if name not in OURS}}
+
+
+def on_screen(summary: Mapping[str, Any]) -> dict[str, list[MetricSpec]]:
+    """The metrics that a run prints, by task; a task of which nothing was measured is left out."""
+    specs = [spec for spec in specs_of(summary).values() if spec.on_screen]
+    tables = {task: [spec for spec in specs if spec.task == task] for task in TASKS}
+    return {
+        task: [spec for spec in of_task if spec.name in summary["metrics"] or spec.name in OURS]
+        for task, of_task in tables.items()
+        if task == TASKS[0] or any(spec.name in summary["metrics"] for spec in of_task)
     }
 
 
@@ -71,18 +79,17 @@ def print_summary(summary: Mapping[str, Any], console: Console | None = None) ->
     if not console.is_terminal:
         console.width = max(console.width, LOG_WIDTH)
     title = "{model} on {data}, {split} split, seed {seed}, protocol {protocol}".format(**summary)
-    console.print(_table(f"Depth: {title}", DEPTH_METRICS, summary))
-    if NORMAL_METRICS[0] in summary["metrics"]:
-        console.print(_table(f"Normals: {title}", NORMAL_METRICS, summary))
+    for task, metrics in on_screen(summary).items():
+        console.print(_table(f"{task.capitalize()}: {title}", metrics, summary))
     if empty := summary.get("frames_without_truth"):
         console.print(f"{empty} of {summary['frames']} frames have no valid depth, and count in no mean")
 
 
-def _table(title: str, metrics: Sequence[str], summary: Mapping[str, Any]) -> Table:
+def _table(title: str, metrics: Sequence[MetricSpec], summary: Mapping[str, Any]) -> Table:
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column("video", no_wrap=True)
-    for heading in ("frames", *(HEADINGS[name] for name in metrics)):
-        table.add_column(heading, justify="right")
+    for heading in ("frames", *(spec.screen_title for spec in metrics)):
+        table.add_column(Text(heading), justify="right")
     for name, *cells in rows_of(summary, metrics):
         if name == ALL_FRAMES:
             table.add_section()
@@ -90,7 +97,7 @@ def _table(title: str, metrics: Sequence[str], summary: Mapping[str, Any]) -> Ta
     return table
 
 
-def rows_of(summary: Mapping[str, Any], metrics: Sequence[str]) -> list[list[str]]:
+def rows_of(summary: Mapping[str, Any], metrics: Sequence[MetricSpec]) -> list[list[str]]:
     """Name, number of frames and metrics: of each video, of all frames, and of the score to beat."""
     rows = [
         [video, str(values["frames"]), *_cells(values, metrics)]
@@ -98,13 +105,15 @@ def rows_of(summary: Mapping[str, Any], metrics: Sequence[str]) -> list[list[str
     ]
     count = str(summary["frames"])
     rows.append([ALL_FRAMES, count, *_cells(summary["metrics"], metrics)])
-    if set(metrics) <= set(summary.get("baseline", ())):
+    if any(spec.name in summary.get("baseline", ()) for spec in metrics):
         rows.append([BASELINE, count, *_cells(summary["baseline"], metrics)])
     return rows
 
 
-def _cells(values: Mapping[str, Any], metrics: Sequence[str]) -> list[str]:
-    return [_cell(values[name], DECIMALS.get(name, 3)) if name in values else "-" for name in metrics]
+def _cells(values: Mapping[str, Any], metrics: Sequence[MetricSpec]) -> list[str]:
+    return [
+        _cell(values[spec.name], spec.screen_decimals) if spec.name in values else "-" for spec in metrics
+    ]
 
 
 def _cell(value: float | int | None, decimals: int) -> str:

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass, replace
 
+from col3d.metric_specs import OURS, MetricSpec
+
 
 @dataclass(frozen=True)
 class Column:
@@ -10,10 +12,11 @@ class Column:
     Attributes:
         key: name in files.
         heading: for people.
-        latex: heading in LaTeX.
+        latex: heading in LaTeX; the other one, escaped, where it is empty.
         better: "down", "up", or "" where neither is.
         decimals: digits after the point.
         scale: what values of `per_frame.csv` are multiplied by: 100 for shares that the paper has in percent.
+        task: what it is measured on: "depth", "normals", or "" for all else.
     """
 
     key: str
@@ -23,6 +26,7 @@ class Column:
     decimals: int = 3
     scale: float = 1.0
     unit: str = ""
+    task: str = ""
 
     @property
     def file_key(self) -> str:
@@ -74,29 +78,19 @@ class Table:
     grouped: bool = False
 
 
-METRICS = {
-    column.key: column
-    for column in (
-        Column("abs_rel", "Abs Rel", "Abs Rel", "down"),
-        Column("sq_rel", "Sq Rel", "Sq Rel", "down", unit="mm"),
-        Column("log10", "log10", r"$\log_{10}$", "down"),
-        Column("rmse", "RMSE", "RMSE", "down", unit="mm"),
-        Column("rmse_log", "RMSE log", r"RMSE$_{\log}$", "down"),
-        Column("silog", "SILog", "SILog", "down", unit="%"),
-        Column("delta1", "δ1", r"$\delta_1$", "up"),
-        Column("delta2", "δ2", r"$\delta_2$", "up"),
-        Column("delta3", "δ3", r"$\delta_3$", "up"),
-        Column("delta_1_1", "δ < 1.1", r"$\delta_{1.1}$", "up"),
-        Column("angle_mean", "Mean Ang", "Mean Ang", "down", unit="°"),
-        Column("angle_median", "Median Ang", "Median Ang", "down", unit="°"),
-        Column("within_11_25", "< 11.25°", r"$\delta_{11.25^\circ}$", "up", scale=100.0, unit="%"),
-        Column("within_22_5", "< 22.5°", r"$\delta_{22.5^\circ}$", "up", scale=100.0, unit="%"),
-        Column("within_30", "< 30°", r"$\delta_{30^\circ}$", "up", scale=100.0, unit="%"),
+ARROWS = {"lower": "down", "higher": "up", None: ""}
+
+
+def column_of(spec: MetricSpec) -> Column:
+    """A metric's column, in the units that are printed."""
+    better = ARROWS[spec.better]
+    return Column(
+        spec.name, spec.title, spec.latex, better, spec.decimals, spec.scale, spec.unit, task=spec.task
     )
-}
-"""Every metric in the paper's order and units."""
-DEPTH = tuple(METRICS)[:9]
-NORMALS = tuple(METRICS)[10:]
+
+
+METRICS = {name: column_of(spec) for name, spec in OURS.items()}
+"""Columns of our metrics by name, in the paper's order and units."""
 
 
 def signed(column: Column) -> Column:

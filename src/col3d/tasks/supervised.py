@@ -2,6 +2,7 @@
 
 import zlib
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, TypedDict
 
 import torch
@@ -12,7 +13,8 @@ from torchmetrics import MeanMetric
 
 from col3d.batch import Batch, Prediction, normals_mask
 from col3d.checks import UserError
-from col3d.metrics import DepthMetrics, FrameMean, NormalMetrics, Protocol
+from col3d.metrics import Protocol, TaskMetrics
+from col3d.metrics.measure import Options
 from col3d.optimisation import OptimizerFactory, SchedulerFactory
 from col3d.tasks.epoch_totals import EpochTotals
 from col3d.tasks.mirror import mirror_average
@@ -30,7 +32,8 @@ class Scored(TypedDict):
     values: dict[str, Tensor]
     """Each metric, one value a frame."""
     baseline: dict[str, Tensor]
-    """Depth metrics of the mean training depth, one value a frame; empty before any training."""
+    """Depth metrics of the mean training depth, one value a frame, as validation has them; empty before any
+    training."""
 
 
 class SupervisedTask(LightningModule):
@@ -74,15 +77,21 @@ class SupervisedTask(LightningModule):
         self.optimizer, self.scheduler = optimizer, scheduler
         self.interval, self.monitor = interval, monitor
         self.protocol, self.mirror, self.seed = protocol or Protocol(), mirror, seed
-        self.val_metrics: dict[str, FrameMean] = nn.ModuleDict({"depth": DepthMetrics()})  # type: ignore[assignment]
-        if "normals" in getattr(network, "tasks", ()):
-            self.val_metrics["normals"] = NormalMetrics()
+        tasks = ("depth", "normals") if "normals" in getattr(network, "tasks", ()) else ("depth",)
+        measured = {task: TaskMetrics(task, self.protocol.metrics or {}) for task in tasks}
+        self.val_metrics: dict[str, TaskMetrics] = nn.ModuleDict(measured)  # type: ignore[assignment]
         losses = _named(dict.fromkeys([*getattr(loss, "terms", ()), "total"], torch.zeros(())))
         means = {name: MeanMetric(nan_strategy="disable") for name in losses}
         self.val_losses: dict[str, MeanMetric] = nn.ModuleDict(means)  # type: ignore[assignment]
         self.last_terms: dict[str, Tensor] = {}
         self.totals = EpochTotals()
         self.depth_seen = torch.zeros(2, dtype=torch.float64)
+
+    def set_metric_options(self, options: Options) -> None:
+        """Take options of metrics, by their names, for validation and for the test."""
+        self.protocol = replace(self.protocol, metrics=options)
+        for metric in self.val_metrics.values():
+            metric.options = options
 
     def forward(self, batch: Batch) -> Prediction:
         """The network's prediction for the frames of a batch."""
@@ -189,7 +198,8 @@ class SupervisedTask(LightningModule):
         for metric in self.val_metrics.values():
             means = metric.compute()
             if metric.frames > 0:
-                values |= means
+                lacking = {n for n, mean in means.items() if n in metric.undefined and mean.isnan()}
+                values |= {name: mean for name, mean in means.items() if name not in lacking}
             metric.reset()
         for loss in self.val_losses.values():
             loss.reset()
@@ -201,7 +211,8 @@ class SupervisedTask(LightningModule):
         values, baseline = self.protocol.score(prediction, batch), {}
         mean = self.mean_depth
         if mean is not None:
-            baseline = self.protocol.score({"depth": mean.expand_as(batch["depth"])}, batch)
+            constant: Prediction = {"depth": mean.expand_as(batch["depth"])}
+            baseline = self.protocol.score(constant, batch, validation=True)
         return {"prediction": prediction, "values": values, "baseline": baseline}
 
     @property

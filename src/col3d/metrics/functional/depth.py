@@ -8,9 +8,10 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from col3d.batch import check_maps
+from col3d.metric_specs import PAPER_DEPTH
 from col3d.metrics.functional.by_frame import by_frame
 
-DEPTH_METRICS = ("abs_rel", "sq_rel", "log10", "rmse", "rmse_log", "silog", "delta1", "delta2", "delta3")
+DEPTH_METRICS = tuple(spec.name for spec in PAPER_DEPTH)
 DELTA = 1.25
 
 
@@ -44,11 +45,23 @@ def depth_metrics(
         NeurIPS 2014, section 4.2.
     """
     check_maps(preds, target, mask)
-    return by_frame(functools.partial(_errors, min_depth, max_depth), preds, target, mask)
+    return by_frame(functools.partial(_errors, min_depth, max_depth, False), preds, target, mask)
+
+
+def depth_errors(
+    preds: Float[Tensor, "b 1 h w"],
+    target: Float[Tensor, "b 1 h w"],
+    mask: Bool[Tensor, "b 1 h w"],
+    min_depth: float = 1e-3,
+    max_depth: float = float("inf"),
+) -> dict[str, Float[Tensor, " b"]]:
+    """The values of `depth_metrics`, and `mae`, the mean absolute error in mm."""
+    check_maps(preds, target, mask)
+    return by_frame(functools.partial(_errors, min_depth, max_depth, True), preds, target, mask)
 
 
 def _errors(
-    min_depth: float, max_depth: float, preds: Tensor, target: Tensor, mask: Tensor
+    min_depth: float, max_depth: float, further: bool, preds: Tensor, target: Tensor, mask: Tensor
 ) -> dict[str, Tensor]:
     """Pixels that do not count are put to 1 mm in both, which adds nothing to any sum but those of shares."""
     count = mask.sum(dim=(1, 2, 3), dtype=torch.float64)
@@ -71,6 +84,7 @@ def _errors(
         "rmse_log": squared_log.sqrt(),
         "silog": 100 * (squared_log - mean(log_ratio).square()).clamp_min(0).sqrt(),
         **{f"delta{k}": ((worst < DELTA**k).sum(dim=(1, 2, 3)) - others) / count for k in (1, 2, 3)},
+        **({"mae": mean(gap.abs())} if further else {}),
     }
 
 

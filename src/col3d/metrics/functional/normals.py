@@ -1,6 +1,7 @@
 """The five metrics of normals, one value a frame."""
 
 import functools
+from collections.abc import Mapping
 
 import torch
 from jaxtyping import Bool, Float
@@ -8,10 +9,12 @@ from torch import Tensor
 
 from col3d.batch import check_maps
 from col3d.geometry import angle_between
+from col3d.metric_specs import PAPER_NORMALS
 from col3d.metrics.functional.by_frame import by_frame
 
-NORMAL_METRICS = ("angle_mean", "angle_median", "within_11_25", "within_22_5", "within_30")
+NORMAL_METRICS = tuple(spec.name for spec in PAPER_NORMALS)
 LIMITS = {"within_11_25": 11.25, "within_22_5": 22.5, "within_30": 30.0}
+FURTHER_LIMITS = {"within_5": 5.0, "within_7_5": 7.5}
 
 
 def normal_metrics(
@@ -37,21 +40,36 @@ def normal_metrics(
         ValueError: the shapes do not belong together.
     """
     check_maps(preds, target, mask)
-    return by_frame(functools.partial(_errors, cosine_epsilon), preds, target, mask)
+    return by_frame(functools.partial(_errors, cosine_epsilon, False), preds, target, mask)
 
 
-def _errors(cosine_epsilon: float, preds: Tensor, target: Tensor, mask: Tensor) -> dict[str, Tensor]:
+def normal_errors(
+    preds: Float[Tensor, "b 3 h w"],
+    target: Float[Tensor, "b 3 h w"],
+    mask: Bool[Tensor, "b 1 h w"],
+    cosine_epsilon: float = 0.0,
+) -> dict[str, Float[Tensor, " b"]]:
+    """The values of `normal_metrics`, with `angle_rmse` in degrees and the shares below 5 and 7.5 degrees."""
+    check_maps(preds, target, mask)
+    return by_frame(functools.partial(_errors, cosine_epsilon, True), preds, target, mask)
+
+
+def _errors(
+    cosine_epsilon: float, further: bool, preds: Tensor, target: Tensor, mask: Tensor
+) -> dict[str, Tensor]:
     angles = _angles(preds.float(), target.float(), cosine_epsilon)
     count = mask.sum(dim=(1, 2, 3), dtype=torch.float64)
 
     def mean(values: Tensor) -> Tensor:
         return torch.where(mask, values, 0.0).sum(dim=(1, 2, 3), dtype=torch.float64) / count
 
-    return {
-        "angle_mean": mean(angles),
-        "angle_median": _median(angles, mask),
-        **{name: (mask & (angles < limit)).sum(dim=(1, 2, 3)) / count for name, limit in LIMITS.items()},
-    }
+    def shares(limits: Mapping[str, float]) -> dict[str, Tensor]:
+        return {name: (mask & (angles < limit)).sum(dim=(1, 2, 3)) / count for name, limit in limits.items()}
+
+    found = {"angle_mean": mean(angles), "angle_median": _median(angles, mask), **shares(LIMITS)}
+    if further:
+        found |= {"angle_rmse": mean(angles.double().square()).sqrt(), **shares(FURTHER_LIMITS)}
+    return found
 
 
 def _median(values: Tensor, mask: Tensor) -> Tensor:

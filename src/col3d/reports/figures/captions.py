@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 
+from col3d.metric_specs import MetricSpec
 from col3d.reports.compose import PHANTOM
 from col3d.reports.figures.material import Group, Method
 
@@ -54,6 +55,11 @@ def missing(shown: Iterable[Method], all_of_them: Iterable[Method]) -> str:
     labels = {method.label for method in shown}
     absent = [method.label for method in all_of_them if method.label not in labels]
     return f"Not shown: {', '.join(absent)}." if absent else ""
+
+
+def with_direction(spec: MetricSpec) -> str:
+    """A metric's heading, and which way is better."""
+    return f"{spec.title} ({spec.better} is better)" if spec.better else spec.title
 
 
 def sentences(*parts: str) -> str:

@@ -16,7 +16,7 @@ def best_average_worst(run: Run) -> dict[Frame, str]:
     Raises:
         MissingError: no frame has a value.
     """
-    values = run.frames["abs_rel"]
+    values = run.values("abs_rel")
     having = np.flatnonzero(np.isfinite(values))
     if len(having) == 0:
         raise MissingError(f"no frame of {run.name} has abs_rel")

@@ -12,6 +12,7 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 
+from col3d.metric_specs import OURS
 from col3d.reports.figures.captions import about, missing, repeats, sentences
 from col3d.reports.figures.figure import Figure, MissingError, blank, save
 from col3d.reports.figures.material import Group, Material
@@ -20,7 +21,7 @@ from col3d.reports.options import loss_of
 TITLE = "Weights of the loss"
 WEIGHTS = ("depth", "normals", "consistency")
 NAMES = tuple(f"weight of\n{name}" for name in WEIGHTS)
-RESULTS = {"abs_rel": "Abs Rel\n(better below)", "angle_mean": "mean angle\n(better below)"}
+RESULTS = {name: f"{OURS[name].title}\n(better below)" for name in ("abs_rel", "angle_mean")}
 COLUMNS = (4.14, 5.05, 5.55)
 """Where the words beside each line stand."""
 
@@ -85,7 +86,7 @@ def _draw(path: Path, lines: Sequence[Line]) -> None:
         axis.plot([4, 4.12], [heights[-1], end], color=colour, lw=0.8)
         words = (line.label, f"{line.results[0]:.3f}", f"{line.results[1]:.1f}°")
         _words(axis, end, words, "bold" if rank == 0 else "normal")
-    _words(axis, max(*ends, 1.0) + 0.1, ("weights", "Abs Rel", "mean angle"), "normal")
+    _words(axis, max(*ends, 1.0) + 0.1, ("weights", *(OURS[name].title for name in RESULTS)), "normal")
     _scales(axis, top)
     save(canvas, path)
 

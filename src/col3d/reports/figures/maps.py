@@ -130,7 +130,7 @@ def frame_value(method: Method, frame: Frame, metric: str) -> float:
     """A metric of the shown run on a frame, as `per_frame.csv` has it; NaN where it has not."""
     frames = method.shown.frames
     rows = np.flatnonzero((frames["video"] == frame[0]) & (frames["frame"] == frame[1]))
-    return float(frames[metric][rows[0]]) if len(rows) else float("nan")
+    return float(method.shown.values(metric)[rows[0]]) if len(rows) else float("nan")
 
 
 def _size(values: np.ndarray) -> str:

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from col3d.reports.compose import title_of
-from col3d.reports.experiments import Experiment, Repeats, experiments_of
+from col3d.reports.experiments import Experiment, Repeats, experiments_of, label_of
 from col3d.reports.figures.figure import MissingError
-from col3d.reports.figures.style import Style, styles_of
+from col3d.reports.figures.style import Look, Style, styles_of
 from col3d.reports.predictions import StoredPredictions, read_facts
 from col3d.reports.runs import Found, Run
 from col3d.reports.setting import Setting
@@ -33,7 +33,7 @@ class Method:
 
     def mean(self, metric: str) -> float:
         """Over the frames of all seeds that have a value; NaN where none has."""
-        values = np.concatenate([run.frames[metric] for run in self.runs])
+        values = np.concatenate([run.values(metric) for run in self.runs])
         values = values[np.isfinite(values)]
         return float(values.mean()) if len(values) else float("nan")
 
@@ -97,7 +97,7 @@ class Material:
 def material_of(found: Found, truth: Path | None) -> Material:
     """Group runs as tables do and open the truth."""
     experiments = experiments_of(found)
-    styles = styles_of([row.label for experiment in experiments for row in experiment.rows])
+    styles = styles_of({row.label: look_of(row) for e in experiments for row in e.rows})
     groups = {e.name: _group(e.rows, e, styles) for e in experiments}
     first = experiments[0]
     if first.name == "benchmark" and len(first.rows) > 1:
@@ -106,6 +106,12 @@ def material_of(found: Found, truth: Path | None) -> Material:
         same = [row for e in experiments if e.setting == first.setting for row in e.rows]
         main = _group(list({row.runs[0].folder: row for row in reversed(same)}.values())[::-1], first, styles)
     return Material(main, groups, _open(truth))
+
+
+def look_of(row: Repeats) -> Look:
+    """The network of a row, and its colour where a run recorded one."""
+    colours = (str(run.summary.get("colour") or "") for run in row.runs)
+    return Look(label_of(row.runs[0]), next(filter(None, colours), ""))
 
 
 def _group(rows: Sequence[Repeats], experiment: Experiment, styles: dict[str, Style]) -> Group:

@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.lines import Line2D
 
+from col3d.metric_specs import MetricSpec
 from col3d.reports.figures.material import Method
 
 WIDTH, CHARACTERS = 11.0, 125
@@ -30,3 +31,14 @@ def legend(canvas: Canvas, methods: Sequence[Method], more: Sequence[Line2D] = (
     rows = math.ceil(sum(len(str(line.get_label())) + 7 for line in (*lines, *more)) / CHARACTERS)
     columns = math.ceil(len((*lines, *more)) / rows)
     canvas.legend(handles=[*lines, *more], loc="outside upper center", ncols=columns, frameon=False)
+
+
+def axis_label(spec: MetricSpec) -> str:
+    """A metric's heading and unit; a dollar is one, and begins no formula."""
+    return f"{spec.title} {spec.unit}".strip().replace("$", r"\$")
+
+
+def from_zero(axes: Sequence[Axes]) -> None:
+    """Let axes of one scale begin at 0, unless values are below."""
+    if min(axis.dataLim.ymin for axis in axes) >= 0:
+        axes[0].set_ylim(bottom=0)

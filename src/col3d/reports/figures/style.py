@@ -1,14 +1,13 @@
 """Colours that hold in every figure: of methods, of quantities, of normals."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.colors import Colormap
-
-from col3d.reports.paper_tables import LABELS
 
 GREY = 0.8
 FRAME_ASPECT = 1080 / 1350
@@ -23,17 +22,8 @@ BLACK, ORANGE, SKY, GREEN, BLUE, VERMILLION, PURPLE, DARK = (
     "#CC79A7",
     "#666666",
 )
-OF_NETWORKS = {
-    "pix2pix": ORANGE,
-    "monodepth_fpn": PURPLE,
-    "newcrfs": GREEN,
-    "bts": BLUE,
-    "bts_cbam": SKY,
-    "bts_cbam_mtl": BLACK,
-    "col3d_mtl": VERMILLION,
-}
+PALETTE = (BLACK, BLUE, ORANGE, GREEN, PURPLE, SKY, DARK, VERMILLION)
 """Okabe and Ito's colours, without yellow, which is lost on white."""
-OTHERS = (BLACK, BLUE, ORANGE, GREEN, PURPLE, SKY, DARK)
 Dash = Literal["-", "--", ":", "-."]
 DASHES: tuple[Dash, ...] = ("-", "--", ":", "-.")
 
@@ -67,24 +57,47 @@ QUANTITIES = {
 }
 
 
-def styles_of(labels: Iterable[str]) -> dict[str, Style]:
-    """Style by label: a network's is fixed, runs of other options take what follows in their order."""
-    known = {label: network_style(label) for label in labels}
-    others = [label for label, style in known.items() if style is None]
-    turns = {
-        label: Style(OTHERS[n % len(OTHERS)], DASHES[n // len(OTHERS) % len(DASHES)])
-        for n, label in enumerate(others)
+@dataclass(frozen=True)
+class Look:
+    """What is known of how a row should look.
+
+    Attributes:
+        network: what its network is called.
+        colour: that the network's registration gave, or "".
+    """
+
+    network: str
+    colour: str
+
+
+def styles_of(looks: Mapping[str, Look]) -> dict[str, Style]:
+    """Styles by the labels of rows, in their order.
+
+    Rows that are named for their network share its colour, normals by L2 with dashes, and the only row of a
+    network has it under any name. Others take turns in a palette, and so do networks without a colour, which
+    leave out the colours that are given.
+    """
+    alone = Counter(look.network for look in looks.values())
+    keys = {
+        label: look.network if _is_named(label, look) or alone[look.network] == 1 else label
+        for label, look in looks.items()
     }
-    return {label: style or turns[label] for label, style in known.items()}
+    given = {keys[label]: look.colour for label, look in looks.items() if look.colour}
+    given = {key: colour for key, colour in given.items() if key in {look.network for look in looks.values()}}
+    free = [colour for colour in PALETTE if colour not in given.values()] or list(PALETTE)
+    others = dict.fromkeys(key for key in keys.values() if key not in given)
+    turns = {
+        key: Style(free[n % len(free)], DASHES[n // len(free) % len(DASHES)]) for n, key in enumerate(others)
+    }
+    styles = {**turns, **{key: Style(colour) for key, colour in given.items()}}
+    return {
+        label: replace(styles[key], dash="--") if label.endswith(" (L2)") else styles[key]
+        for label, key in keys.items()
+    }
 
 
-def network_style(label: str) -> Style | None:
-    """Of a label of the paper's tables; normals by L2 are dashed."""
-    plain = label.removesuffix(" (L1)").removesuffix(" (L2)")
-    models = {text: model for model, text in LABELS.items()}
-    if plain not in models:
-        return None
-    return Style(OF_NETWORKS[models[plain]], "--" if label.endswith("(L2)") else "-")
+def _is_named(label: str, look: Look) -> bool:
+    return label.removesuffix(" (L1)").removesuffix(" (L2)") == look.network
 
 
 def colours_of_normals(normals: np.ndarray, mask: np.ndarray) -> np.ndarray:

@@ -10,17 +10,20 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from col3d.checks import naming
-from col3d.reports.figures.captions import about_training, sentences
+from col3d.metric_specs import OURS, MetricSpec
+from col3d.reports.figures.captions import about_training, sentences, with_direction
 from col3d.reports.figures.figure import Figure, MissingError, blank, save
 from col3d.reports.figures.material import Material, Method
-from col3d.reports.figures.plots import WIDTH, legend, plain
+from col3d.reports.figures.plots import WIDTH, axis_label, from_zero, legend, plain
 from col3d.reports.figures.style import Dash
 from col3d.reports.options import at
 from col3d.reports.runs import Run
-from col3d.reports.tables import METRICS
 
 TITLE = "Training"
-PANELS = {"val/abs_rel": "Abs Rel", "val/angle_mean": "mean angle in degrees"}
+ALWAYS = ("abs_rel", "angle_mean")
+"""What of our metrics is drawn; those of plugins are as well."""
+MOST = 4
+"""How many metrics stand in the figure."""
 LOSSES: dict[str, tuple[Dash, str]] = {"train/loss": ("-", "training"), "val/loss": (":", "validation")}
 Curve = tuple[np.ndarray, np.ndarray]
 """Epochs, from 1, and values."""
@@ -39,9 +42,9 @@ def draw(material: Material, out: Path) -> Figure:
     path = out / "training_curves.png"
     panels = _panels(methods)
     draw_methods(path, methods)
-    shown = " and ".join(METRICS[name.removeprefix("val/")].heading for name in panels)
+    shown = " and ".join(with_direction(spec) for spec in panels)
     caption = sentences(
-        f"{shown or 'No metric'} on the validation part by epoch, lower is better; a line a seed, a ring "
+        f"{shown or 'No metric'} on the validation part by epoch; a line a seed, a ring "
         "where the weights were kept. Losses are on a logarithmic scale; those of different terms cannot be "
         "compared.",
         about_training(group),
@@ -59,7 +62,8 @@ def curves(run: Run) -> dict[str, Curve]:
     try:
         with naming(path), path.open(newline="", encoding="utf-8") as file:
             rows = [row for row in csv.DictReader(file) if row.get("epoch")]
-        return {name: curve for name in (*PANELS, *LOSSES) if (curve := _curve(rows, name)) is not None}
+        names = (*(f"val/{name}" for name in run.specs), *LOSSES)
+        return {name: curve for name in names if (curve := _curve(rows, name)) is not None}
     except (FileNotFoundError, ValueError):
         return {}
 
@@ -70,9 +74,13 @@ def _curve(rows: Sequence[dict[str, str]], name: str) -> Curve | None:
     return (np.array(list(values)), np.array(list(values.values()))) if values else None
 
 
-def _panels(methods: Sequence[Method]) -> list[str]:
-    """What any of the runs has measured on the validation part."""
-    return [name for name in PANELS if any(name in curves(run) for m in methods for run in m.runs)]
+def _panels(methods: Sequence[Method]) -> list[MetricSpec]:
+    """What any of the runs has measured on the validation part: chosen metrics of ours, and plugins'."""
+    runs = [run for method in methods for run in method.runs]
+    specs = {name: spec for run in runs for name, spec in run.specs.items()}
+    measured = {name for run in runs for name in curves(run)}
+    others = [name for name in specs if name not in OURS]
+    return [specs[name] for name in (*ALWAYS, *others) if f"val/{name}" in measured][:MOST]
 
 
 def draw_methods(path: Path, methods: Sequence[Method]) -> None:
@@ -82,17 +90,18 @@ def draw_methods(path: Path, methods: Sequence[Method]) -> None:
     *metrics, losses = canvas.subplots(1, len(panels) + 1, squeeze=False)[0]
     for method in methods:
         for found, run in ((curves(run), run) for run in method.runs):
-            for axis, name in zip(metrics, panels, strict=True):
-                if name in found:
-                    _line(axis, found[name], method, method.style.dash)
-                    _ring(axis, found[name], method, run)
+            for axis, spec in zip(metrics, panels, strict=True):
+                if curve := found.get(f"val/{spec.name}"):
+                    scaled = curve[0], curve[1] * spec.scale
+                    _line(axis, scaled, method, method.style.dash)
+                    _ring(axis, scaled, method, run)
             for name, (dash, _) in LOSSES.items():
                 if name in found:
                     _line(losses, found[name], method, dash)
-    for axis, name in zip(metrics, panels, strict=True):
-        plain(axis, "epoch", PANELS[name])
+    for axis, spec in zip(metrics, panels, strict=True):
+        plain(axis, "epoch", axis_label(spec))
         axis.set_title("validation", fontsize=10)
-        axis.set_ylim(bottom=0)
+        from_zero([axis])
         axis.xaxis.get_major_locator().set_params(integer=True)
     plain(losses, "epoch", "")
     losses.set_yscale("log")

@@ -1,0 +1,134 @@
+"""Every registered metric of a task, each function called once."""
+
+from collections.abc import Callable, Mapping
+from inspect import signature
+from types import MappingProxyType
+from typing import Any
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+from torch.nn.functional import normalize
+
+from col3d.checks import UserError
+from col3d.metric_specs import OURS, MetricSpec, by_name
+from col3d.registry import METRICS, Part
+
+Options = Mapping[str, Mapping[str, Any]]
+"""Of metrics, by their names."""
+NONE: Options = MappingProxyType({})
+SMALLEST = 1e-3
+"""Depth in mm to which predictions are raised, so that their logarithm exists."""
+
+
+def registered_specs(task: str | None = None, validation: bool = False) -> dict[str, MetricSpec]:
+    """What is said of each registered metric, by name: ours in the order of their columns, then others'.
+
+    Args:
+        task: "depth" or "normals"; both when absent.
+        validation: leave out what is not measured after every epoch.
+    """
+    return by_name(part.facts["spec"] for part in _parts(task, validation))
+
+
+def measure(
+    task: str,
+    preds: Float[Tensor, "b c h w"],
+    target: Float[Tensor, "b c h w"],
+    mask: Bool[Tensor, "b 1 h w"],
+    *,
+    max_depth: float = float("inf"),
+    cosine_epsilon: float = 0.0,
+    options: Options = NONE,
+    validation: bool = False,
+) -> dict[str, Float[Tensor, " b"]]:
+    """The registered metrics of a task, one value a frame.
+
+    Args:
+        task: "depth" or "normals".
+        preds: predicted depth in mm, or normals.
+        target: true ones.
+        mask: True where a pixel counts.
+        max_depth: what depth is cut to.
+        cosine_epsilon: given to functions that have such a parameter.
+        options: of metrics.
+        validation: leave out what is not measured after every epoch.
+
+    Raises:
+        UserError: a function returns something else than one value a frame. What a function raises itself
+            is left as it is.
+    """
+    limits = {"min_depth": SMALLEST, "max_depth": max_depth, "cosine_epsilon": cosine_epsilon}
+    parts = _parts(task, validation)
+    values: dict[str, Tensor] = {}
+    for of_function in _by_function(parts):
+        values |= _called(of_function, (preds, target, mask), limits, options)
+    return {part.name: values[part.name] for part in parts}
+
+
+def try_metrics(tasks: tuple[str, ...], size_hw: tuple[int, int], options: Options = NONE) -> None:
+    """Call every metric of plugins on two made-up frames, so that a mistake shows before a training.
+
+    Raises:
+        UserError: as `measure`; what a function raises itself is left as it is.
+    """
+    generator = torch.Generator().manual_seed(0)
+    limits = {"min_depth": SMALLEST, "max_depth": float("inf"), "cosine_epsilon": 0.0}
+    mask = torch.ones(2, 1, *size_hw, dtype=torch.bool)
+    for task in tasks:
+        noise = torch.rand(2, 2, 1 if task == "depth" else 3, *size_hw, generator=generator)
+        preds, target = 50 + 20 * noise if task == "depth" else _facing(noise)
+        for parts in _by_function([part for part in _parts(task, False) if part.name not in OURS]):
+            _called(parts, (preds, target, mask), limits, options)
+
+
+def _facing(noise: Tensor) -> Tensor:
+    """Unit normals that face the camera."""
+    return normalize(0.5 * noise - noise.new_tensor([0.0, 0.0, 1.5]).view(3, 1, 1), dim=-3)
+
+
+def _parts(task: str | None, validation: bool) -> list[Part]:
+    order = {name: place for place, name in enumerate(OURS)}
+    parts = sorted(
+        map(METRICS.__getitem__, METRICS.names()), key=lambda part: order.get(part.name, len(order))
+    )
+    return [
+        part
+        for part in parts
+        if task in (None, part.facts["spec"].task) and (part.facts["spec"].in_validation or not validation)
+    ]
+
+
+def _by_function(parts: list[Part]) -> list[list[Part]]:
+    """Parts that one function computes, together."""
+    found: dict[Callable[..., Any], list[Part]] = {}
+    for part in parts:
+        found.setdefault(part.build, []).append(part)
+    return list(found.values())
+
+
+def _called(
+    parts: list[Part], maps: tuple[Tensor, Tensor, Tensor], limits: Mapping[str, float], options: Options
+) -> dict[str, Tensor]:
+    """The values of parts that one function computes."""
+    (preds, target, mask), build = maps, parts[0].build
+    takes = signature(build).parameters
+    own = {key: value for part in parts for key, value in options.get(part.name, {}).items()}
+    supplied = {key: value for key, value in limits.items() if key in takes}
+    if parts[0].facts["spec"].task == "depth" and not takes.keys() >= {"min_depth", "max_depth"}:
+        preds = preds.clamp(limits["min_depth"], limits["max_depth"])
+    found = build(preds, target, mask, **supplied, **own)
+    return {part.name: _checked(part, found, len(preds)) for part in parts}
+
+
+def _checked(part: Part, found: Any, frames: int) -> Tensor:
+    """A metric's values out of what its function returned."""
+    value = found.get(part.name) if isinstance(found, Mapping) else found
+    if isinstance(value, Tensor) and value.shape == (frames,):
+        return value
+    came = f"shape {tuple(value.shape)}" if isinstance(value, Tensor) else f"{type(value).__name__}"
+    where = f"{part.build.__module__}.{part.build.__qualname__}"
+    raise UserError(
+        f"metric {part.name}: {where} has to return one value a frame, a tensor of shape ({frames},) for "
+        f"{frames} frames; got {came}"
+    )

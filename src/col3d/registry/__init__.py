@@ -1,0 +1,58 @@
+"""The one door for parts of an experiment: networks, losses, metrics, data sets and more by name.
+
+The signature is the schema: its parameters are the options, its defaults the only defaults.
+"""
+
+from col3d.registry.describe import available, describe
+from col3d.registry.kinds import (
+    CALLBACKS,
+    COUNTS,
+    DATASETS,
+    GROUPS,
+    KINDS,
+    LOGGERS,
+    LOSSES,
+    METRICS,
+    MODELS,
+    OPTIMIZERS,
+    SCHEDULERS,
+)
+from col3d.registry.parts import Part, Registry
+from col3d.registry.register import (
+    register_callback,
+    register_dataset,
+    register_logger,
+    register_loss,
+    register_metric,
+    register_metrics,
+    register_model,
+    register_optimizer,
+    register_scheduler,
+)
+
+__all__ = [
+    "CALLBACKS",
+    "COUNTS",
+    "DATASETS",
+    "GROUPS",
+    "KINDS",
+    "LOGGERS",
+    "LOSSES",
+    "METRICS",
+    "MODELS",
+    "OPTIMIZERS",
+    "SCHEDULERS",
+    "Part",
+    "Registry",
+    "available",
+    "describe",
+    "register_callback",
+    "register_dataset",
+    "register_logger",
+    "register_loss",
+    "register_metric",
+    "register_metrics",
+    "register_model",
+    "register_optimizer",
+    "register_scheduler",
+]

@@ -1,0 +1,42 @@
+"""What there is, in words."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from pydantic_core import PydanticUndefined
+
+from col3d.checks import OptionError, nearest_name
+from col3d.registry.kinds import KINDS
+from col3d.registry.parts import Registry
+from col3d.schema import is_group, rule
+
+
+def available(kind: str) -> list[str]:
+    """Names of the parts of a kind, such as "model"."""
+    return _registry(kind).names()
+
+
+def describe(kind: str, name: str) -> str:
+    """A part's first sentence, where it comes from, and a line for each of its options."""
+    part = _registry(kind)[name]
+    lines = [f"{part.kind} {part.name} ({part.build.__module__}.{part.build.__qualname__})", part.summary, ""]
+    above = KINDS[part.kind].place.format(name=part.name)
+    return "\n".join([*lines, *_described(part.parameters(), above)])
+
+
+def _described(options: Mapping[str, tuple[Any, Any]], above: str) -> Iterator[str]:
+    for name, (annotation, default) in options.items():
+        if is_group(annotation):
+            inside = {
+                key: (found.annotation, found.default) for key, found in annotation.model_fields.items()
+            }
+            yield from _described(inside, f"{above}.{name}")
+        else:
+            usual = "needed" if default is PydanticUndefined else f"{default!r} unless given"
+            yield f"  {above}.{name}: {rule(annotation)}; {usual}"
+
+
+def _registry(kind: str) -> Registry:
+    if kind not in KINDS:
+        raise OptionError(f"kind: {kind!r} is unknown{nearest_name(kind, KINDS)}; known: {', '.join(KINDS)}")
+    return KINDS[kind]

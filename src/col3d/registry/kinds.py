@@ -1,0 +1,74 @@
+"""The kinds of parts there are."""
+
+from pydantic import Field
+
+from col3d.registry.parts import Registry
+
+MODELS = Registry(
+    "model",
+    ("col3d.models",),
+    "model.name",
+    "model",
+    groups={"model": "col3d.models.options:node"},
+    supplied=("size_hw",),
+)
+LOSSES = Registry(
+    "loss",
+    ("col3d.losses.terms",),
+    "loss.terms",
+    "loss.terms.ENTRY",
+    supplied=("prediction", "batch", "max_depth"),
+)
+METRICS = Registry(
+    "metric",
+    ("col3d.metrics.registered",),
+    "metrics",
+    "metrics.{name}",
+    supplied=("preds", "target", "mask", "min_depth", "max_depth", "cosine_epsilon"),
+)
+OPTIMIZERS = Registry(
+    "optimizer",
+    ("col3d.optimizers", "col3d.timm_optimizers"),
+    "optimizer.name",
+    "optimizer",
+    groups={"optimizer": "col3d.optimizers:node"},
+    supplied=("params",),
+    rules={
+        "weight_decay": Field(ge=0),
+        "eps": Field(gt=0),
+        "momentum": Field(ge=0, lt=1),
+    },
+)
+DATASETS = Registry(
+    "dataset",
+    ("col3d.data.datasets",),
+    "data.name",
+    "data",
+    groups={"data": "col3d.data.options:node", "data/source": "col3d.data.options:source_node"},
+    supplied=("root", "videos", "normals", "camera", "truth", "rendered"),
+)
+COUNTS = ("total_steps", "total_iters", "T_max")
+"""Parameters of schedules that are as long as the training unless they are given."""
+SCHEDULERS = Registry(
+    "scheduler",
+    ("col3d.schedulers",),
+    "scheduler.name",
+    "scheduler",
+    groups={"scheduler": "col3d.schedulers:node"},
+    supplied=("optimizer", "training", "last_epoch", *COUNTS),
+)
+CALLBACKS = Registry("callback", ("col3d.callbacks.named",), "callbacks.more", "callbacks.more.ENTRY")
+LOGGERS = Registry(
+    "logger",
+    ("col3d.loggers",),
+    "logger",
+    "logger.{name}",
+    groups={"logger": "col3d.logger_options:node"},
+    supplied=("folder", "run", "config"),
+)
+KINDS = {
+    registry.kind: registry
+    for registry in (MODELS, LOSSES, METRICS, DATASETS, OPTIMIZERS, SCHEDULERS, CALLBACKS, LOGGERS)
+}
+GROUPS = {group: registry for registry in KINDS.values() for group in registry.groups}
+"""Groups of options whose choices are registered parts."""
