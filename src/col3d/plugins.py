@@ -5,6 +5,7 @@ by an installed package itself (entry points of the group `col3d.plugins`).
 """
 
 import functools
+import hashlib
 import importlib
 import importlib.metadata
 import os
@@ -44,6 +45,17 @@ def load(names: Iterable[str] = ()) -> list[str]:
 def configurations() -> list[Path]:
     """Folders `conf` of the loaded plugins, which join the search path of the configuration."""
     return [folder / "conf" for folder in _loaded.values() if (folder / "conf").is_dir()]
+
+
+def code() -> dict[str, str]:
+    """A sum over the Python files of each loaded plugin: a version need not change with the code."""
+    found = {}
+    for name, folder in _loaded.items():
+        total = hashlib.blake2b(digest_size=8)
+        for path in sorted(folder.rglob("*.py")):
+            total.update(f"{path.relative_to(folder).as_posix()}\0".encode() + path.read_bytes())
+        found[name] = total.hexdigest()
+    return found
 
 
 def versions() -> dict[str, str]:

@@ -14,6 +14,7 @@ from col3d.layers.freeze import check_learns, freeze, thaw
 from col3d.layers.patch_gan import PatchGAN
 from col3d.layers.weight_file import check_finite, check_fractions
 from col3d.losses import WeightedLoss
+from col3d.losses.options import balancer
 from col3d.metrics import Protocol
 from col3d.models import create
 from col3d.models.options import ModelOptions
@@ -21,6 +22,7 @@ from col3d.optimizers import check_encoder, optimizer_of
 from col3d.registry import MODELS
 from col3d.schedulers import interval_of, scheduler_of
 from col3d.tasks import AdversarialTask, SupervisedTask
+from col3d.tasks.supervised import DEPTH_SEEN
 
 
 def network(options: ModelOptions, size_hw: tuple[int, int]) -> nn.Module:
@@ -67,7 +69,12 @@ def task(options: TrainOptions) -> SupervisedTask:
         raise UserError(str(error)) from None
     return kind(
         net,
-        WeightedLoss(options.loss.lambdas, options.loss.terms, options.model.max_depth),
+        WeightedLoss(
+            options.loss.lambdas,
+            options.loss.terms,
+            options.model.max_depth,
+            balancer(options.loss.balance),
+        ),
         optimizer_of(options.optimizer),
         scheduler_of(options.scheduler),
         options.model_dump(mode="json"),
@@ -83,6 +90,19 @@ def protocol(name: str, options: ProtocolOptions) -> Protocol:
     """What predictions are scored by."""
     low, high = options.truth_range
     return Protocol(name, options.scaling, (low, high), options.cosine_epsilon, options.normal_axes)
+
+
+def fill_network(built: SupervisedTask, content: Mapping[str, Any], checkpoint: Path) -> None:
+    """Load the network that a checkpoint of ours holds, and the mean depth of its training.
+
+    Raises:
+        UserError: its tensors are not finite, or not those of the network.
+    """
+    state = content.get("state_dict")
+    if isinstance(state, Mapping):
+        ours = {k: v for k, v in state.items() if str(k).startswith("network.") or k == DEPTH_SEEN}
+        content = {**content, "state_dict": ours}
+    fill(built, content, checkpoint)
 
 
 def fill(built: SupervisedTask, content: Mapping[str, Any], checkpoint: Path) -> int:

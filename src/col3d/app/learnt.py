@@ -11,21 +11,19 @@ from jaxtyping import UInt8
 from torch import Tensor, nn
 from torch.nn.functional import interpolate
 
-from col3d import plugins, weights
+from col3d import weights
 from col3d.app import build
 from col3d.app.checkpoints import run_of
-from col3d.app.config import TrainOptions
 from col3d.app.starts import Starts
+from col3d.app.trained import Trained, trained_options
 from col3d.batch import Prediction
 from col3d.checks import UserError
 from col3d.data.resize import resized_image
-from col3d.earlier import updated
 from col3d.geometry import Camera, unit
 from col3d.geometry.camera_file import camera_from_plain
 from col3d.layers.network import DepthNetwork, device_of
 from col3d.models.options import untrained
 from col3d.models.published import load_published, read_weights
-from col3d.refusals import check_options
 from col3d.tasks import SupervisedTask
 
 MAX_DEPTH = 100.0
@@ -131,13 +129,10 @@ def learnt(
     if max_depth is not None or size is not None:
         option = "max_depth" if size is None else "size"
         raise UserError(f"{option}: our checkpoints know theirs; it is for published weights")
-    task, options, checkpoint = trained_task(path)
-    height, width = options.data.size
-    cameras = _cameras(checkpoint, path)
-    sources = (options.data, *options.data.also.values())
-    trained_on = tuple(dict.fromkeys(source.name for source in sources))
-    name, depth = options.model.name, options.model.max_depth
-    return Learnt(task.network.eval(), name, (height, width), depth, cameras, trained_on)
+    task, trained, checkpoint = trained_task(path)
+    cameras, model = _cameras(checkpoint, path), trained.model
+    whole = task.network.eval()
+    return Learnt(whole, model.name, trained.size_hw, model.max_depth, cameras, trained.trained_on)
 
 
 def _cameras(checkpoint: Mapping[str, Any], path: Path) -> tuple[Camera, ...]:
@@ -151,18 +146,18 @@ def _cameras(checkpoint: Mapping[str, Any], path: Path) -> tuple[Camera, ...]:
         ) from None
 
 
-def trained_task(path: Path) -> tuple[SupervisedTask, TrainOptions, Mapping[str, Any]]:
-    """The task of a checkpoint of `train.py` with its weights, the options that built it, and all it holds.
+def trained_task(path: Path) -> tuple[SupervisedTask, Trained, Mapping[str, Any]]:
+    """A task with the network of a checkpoint of `train.py`, the options of its training, and all it holds.
 
     Raises:
         UserError: it is no such checkpoint, or of another version.
     """
     checkpoint = read_file(path)
     _check_run(path, checkpoint)
-    options = _trained_options(checkpoint, path)
-    task = build.task(options.model_copy(update={"model": untrained(options.model)}))
-    build.fill(task, checkpoint, path)
-    return task, options, checkpoint
+    trained = trained_options(checkpoint, path)
+    task = SupervisedTask(build.network(untrained(trained.model), trained.size_hw), options=trained.content)
+    build.fill_network(task, checkpoint, path)
+    return task, trained, checkpoint
 
 
 def published_network(path: Path, source: str, max_depth: float | None = None) -> DepthNetwork:
@@ -221,23 +216,3 @@ def _check_shipped(path: Path) -> None:
         raise UserError(
             f"checkpoint: {path} is damaged: it is not the file of this package; install it again"
         )
-
-
-def _trained_options(checkpoint: Mapping[str, Any], path: Path) -> TrainOptions:
-    """The options that a checkpoint was trained with."""
-    try:
-        given = dict(checkpoint["hyper_parameters"]["options"])
-    except (KeyError, TypeError, ValueError):
-        raise UserError(
-            f"checkpoint: {path} is not a checkpoint written by train.py; "
-            "for the authors' weights say published=<whose>"
-        ) from None
-    if absent := sorted({str(name) for name in given.get("plugins") or ()} - {*plugins.load()}):
-        raise UserError(
-            f"checkpoint: {path} was trained with parts of {', '.join(absent)}; add "
-            f"plugins=[{','.join(absent)}], or name them in {plugins.VARIABLE}"
-        )
-    try:
-        return check_options(TrainOptions, updated(given))
-    except UserError as error:
-        raise UserError(f"checkpoint: {path} was trained with options of another version: {error}") from None

@@ -11,6 +11,7 @@ from col3d.app.config import TrainOptions
 from col3d.app.data_state import data_state
 from col3d.app.provenance import code_sum, command, commit, plugins, versions
 from col3d.models.options import file_of_weights
+from col3d.plugins import code as plugin_code
 from col3d.plugins import versions as plugin_versions
 from col3d.reports.jobs import read_plain
 from col3d.reports.summary import write_json
@@ -29,6 +30,7 @@ def this_start(options: TrainOptions) -> Start:
         "commit": commit(),
         "code": code_sum(),
         "packages": {**versions(), **plugins(), **plugin_versions()},
+        "plugins": plugin_code(),
         "data": data_state(options.data, options.phantom)
         | {
             f"{option} {path}": f"{path.stat().st_size} bytes, {path.stat().st_mtime_ns}"
@@ -86,6 +88,10 @@ def _changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[str]:
         lines.append(f"commit {before.get('commit')} became {after['commit']}")
     elif before.get("code") != after["code"]:
         lines.append("files of the code changed")
+    known = before.get("plugins")
+    for name, code in after["plugins"].items():
+        if isinstance(known, dict) and known.get(name, code) != code:
+            lines.append(f"files of the plugin {name} changed")
     for group in ("packages", "data"):
         old, new = before.get(group), after[group]
         old = old if isinstance(old, dict) else {}

@@ -40,7 +40,7 @@ def _trained(path: Path, options: EvaluateOptions) -> Subject:
     """A training's checkpoint, on the data it was trained with or on others."""
     task, trained, _ = trained_task(path)
     phantom = trained.phantom if options.data is None else options.phantom
-    other = options.data and options.data.model_copy(update={"size": trained.data.size})
+    other = options.data and options.data.model_copy(update={"size": list(trained.size_hw)})
     data = _as_asked(other or _of_part(trained.data, options.split), options, phantom)
     scored = Scored(data, options.split, data.size, Scored.after(trained.data, options.split).trained)
     return Subject(task, trained.model.name, trained.seed, trained.model.max_depth, data, phantom, scored)

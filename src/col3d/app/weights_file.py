@@ -36,7 +36,8 @@ def write_weights(source: Path, path: Path) -> float:
     Raises:
         UserError: the source is no such checkpoint, or rounding changes what the network says.
     """
-    task, options, checkpoint = trained_task(source)
+    task, trained, checkpoint = trained_task(source)
+    options = trained.options()
     data = _anywhere(options.data).model_copy(
         update={
             "also": {name: _anywhere(other) for name, other in options.data.also.items()},

@@ -1,5 +1,6 @@
 """`col3d PROGRAM [OPTION=VALUE ...]`: which programs there are, and help on one screen."""
 
+import os
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -79,7 +80,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if name not in PROGRAMS:
             near = nearest_name(name, PROGRAMS)
             raise OptionError(f"{name!r} is no program of col3d{near}; there are {', '.join(PROGRAMS)}")
-        return PROGRAMS[name](name, words) or 0
+        code = PROGRAMS[name](name, words) or 0
+        sys.stdout.flush()
+        return code
+    except BrokenPipeError:  # who reads has read enough: `col3d train --help | head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
     except OptionError as error:
         print(f"error: {error}", file=sys.stderr)
         return EXIT_CODE

@@ -6,10 +6,13 @@ from typing import Annotated, Any
 from pydantic import Field, PlainValidator, SerializeAsAny
 
 from col3d.checks import OptionError
-from col3d.registry import LOSSES
-from col3d.schema import Options
+from col3d.registry import BALANCERS, LOSSES, Part
+from col3d.schema import Options, defaults
 
 Weight = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+
+USUAL = "fixed"
+"""The balancer of a loss that names none."""
 
 
 class TermOptions(Options):
@@ -50,11 +53,47 @@ def own_options(options: TermOptions) -> dict[str, Any]:
 Term = Annotated[SerializeAsAny[TermOptions], PlainValidator(term_options)]
 
 
+class BalanceOptions(Options):
+    """How terms and lambdas become one number; the parameters of the balancer join this."""
+
+    name: str
+
+
+def balance_options(given: Any) -> BalanceOptions | None:
+    """Options of a registered balancer, checked against its signature; None for the sum as it is.
+
+    Raises:
+        ValueError: nothing has that name; pydantic's for single options.
+    """
+    if given is None or isinstance(given, BalanceOptions):
+        return given
+    if not isinstance(given, Mapping) or not isinstance(given.get("name"), str):
+        raise OptionError(f"loss.balance: expected {{name: NAME, ...}}, got {given!r}")
+    options = BALANCERS[given["name"]].options(BalanceOptions).model_validate(given)
+    assert isinstance(options, BalanceOptions)
+    return None if options == BalanceOptions(name=USUAL) else options
+
+
+def balancer(options: BalanceOptions | None) -> Any:
+    """What they stand for."""
+    part = BALANCERS[USUAL if options is None else options.name]
+    return part.build(**{name: getattr(options, name) for name in part.parameters()})
+
+
+def balance_node(part: Part) -> dict[str, Any]:
+    """What `loss/balance=NAME` brings into a configuration: every option with its default."""
+    return {"name": part.name, **defaults(part.parameters())}
+
+
+Balance = Annotated[SerializeAsAny[BalanceOptions] | None, PlainValidator(balance_options)]
+
+
 class LossOptions(Options):
     """Terms of `col3d.losses.WeightedLoss` by name, and a weight for each, in their order."""
 
     lambdas: list[Weight]
     terms: Annotated[dict[str, Term], Field(min_length=1)]
+    balance: Balance | None = None
 
     def needing(self, task: str) -> list[str]:
         """Names of the terms that need what a network predicts."""

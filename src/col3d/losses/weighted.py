@@ -10,6 +10,7 @@ from torch import Tensor, nn
 
 from col3d.batch import Batch, Prediction
 from col3d.checks import OptionError
+from col3d.losses.balance import Balancer, Fixed
 from col3d.losses.options import TermOptions, own_options, term_options
 from col3d.registry import LOSSES
 
@@ -25,6 +26,7 @@ class WeightedLoss(nn.Module):
         terms: by name: a function of (prediction, batch), or the name of a registered term, alone or with
             its options and the epoch from which it counts: `{"term": "silog", "from_epoch": 4}`.
         max_depth: depth in mm that terms scale by.
+        balance: how terms and lambdas become one number; the weighted sum when absent.
 
     Raises:
         OptionError: an unknown term or option, or not one weight for each term.
@@ -38,8 +40,10 @@ class WeightedLoss(nn.Module):
         lambdas: Sequence[float],
         terms: Mapping[str, Term | str | Mapping[str, Any] | TermOptions],
         max_depth: float = 100.0,
+        balance: Balancer | None = None,
     ) -> None:
         super().__init__()
+        self.balance = balance or Fixed()
         if len(lambdas) != len(terms):
             raise OptionError(
                 f"loss.lambdas: expected {len(terms)} number(s) ({', '.join(terms)}), got {len(lambdas)}: "
@@ -63,8 +67,7 @@ class WeightedLoss(nn.Module):
         """Every term unweighted, and as `total` the weighted sum of those that count in this epoch."""
         with torch.autocast(batch["image"].device.type, enabled=False):
             losses = {name: term(prediction, batch) for name, term in self.terms.items()}
-            weighted = [self._weight(name, epoch) * loss for name, loss in losses.items()]
-            losses["total"] = torch.stack(weighted).sum()
+            losses["total"] = self.balance(losses, {name: self._weight(name, epoch) for name in losses})
         return losses
 
     def _weight(self, name: str, epoch: int | None) -> float:

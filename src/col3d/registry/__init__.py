@@ -5,6 +5,7 @@ The signature is the schema: its parameters are the options, its defaults the on
 
 from col3d.registry.describe import available, describe
 from col3d.registry.kinds import (
+    BALANCERS,
     CALLBACKS,
     COUNTS,
     DATASETS,
@@ -19,6 +20,7 @@ from col3d.registry.kinds import (
 )
 from col3d.registry.parts import Part, Registry
 from col3d.registry.register import (
+    register_balancer,
     register_callback,
     register_dataset,
     register_logger,
@@ -31,6 +33,7 @@ from col3d.registry.register import (
 )
 
 __all__ = [
+    "BALANCERS",
     "CALLBACKS",
     "COUNTS",
     "DATASETS",
@@ -46,6 +49,7 @@ __all__ = [
     "Registry",
     "available",
     "describe",
+    "register_balancer",
     "register_callback",
     "register_dataset",
     "register_logger",

@@ -19,6 +19,13 @@ LOSSES = Registry(
     "loss.terms.ENTRY",
     supplied=("prediction", "batch", "max_depth"),
 )
+BALANCERS = Registry(
+    "balancer",
+    ("col3d.losses.balance",),
+    "loss.balance.name",
+    "loss.balance",
+    groups={"loss/balance": "col3d.losses.options:balance_node"},
+)
 METRICS = Registry(
     "metric",
     ("col3d.metrics.registered",),
@@ -68,7 +75,7 @@ LOGGERS = Registry(
 )
 KINDS = {
     registry.kind: registry
-    for registry in (MODELS, LOSSES, METRICS, DATASETS, OPTIMIZERS, SCHEDULERS, CALLBACKS, LOGGERS)
+    for registry in (MODELS, LOSSES, BALANCERS, METRICS, DATASETS, OPTIMIZERS, SCHEDULERS, CALLBACKS, LOGGERS)
 }
 GROUPS = {group: registry for registry in KINDS.values() for group in registry.groups}
 """Groups of options whose choices are registered parts."""

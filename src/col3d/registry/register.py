@@ -5,7 +5,17 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from col3d.metric_specs import MetricSpec, checked_spec
-from col3d.registry.kinds import CALLBACKS, DATASETS, LOGGERS, LOSSES, METRICS, MODELS, OPTIMIZERS, SCHEDULERS
+from col3d.registry.kinds import (
+    BALANCERS,
+    CALLBACKS,
+    DATASETS,
+    LOGGERS,
+    LOSSES,
+    METRICS,
+    MODELS,
+    OPTIMIZERS,
+    SCHEDULERS,
+)
 from col3d.registry.parts import NOTHING, Built
 
 
@@ -100,6 +110,17 @@ def register_metrics(specs: Iterable[MetricSpec], build: Built) -> Built:
     for spec in specs:
         METRICS.register(spec.name, build, spec=checked_spec(spec))
     return build
+
+
+def register_balancer(name: str, build: Built | None = None) -> Any:
+    """Register a balancer: a class that is called with the terms of a batch and gives what is minimised.
+
+    Args:
+        name: for `loss/balance=NAME`.
+        build: the class. What it makes is called with two dicts, the terms (scalars) and their lambdas, by
+            name; of an `nn.Module`, buffers go into checkpoints and on with the training.
+    """
+    return BALANCERS.register(name, build)
 
 
 def register_optimizer(

@@ -1,0 +1,126 @@
+"""What a checkpoint says of its training: the network and its size are checked, the rest where it is used."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict
+
+from col3d import plugins
+from col3d.app.config import Model, PhantomOptions, TrainOptions
+from col3d.checks import UserError
+from col3d.data.options import Data, DataOptions, Size
+from col3d.earlier import updated
+from col3d.models.options import ModelOptions
+from col3d.refusals import check_options
+
+
+class _Loose(BaseModel):
+    """Of options, those that are named here; others may be of any version."""
+
+    model_config = ConfigDict(extra="ignore", protected_namespaces=())
+
+
+class _Fed(_Loose):
+    size: Size
+
+
+class _Network(_Loose):
+    model: Model
+    data: _Fed
+    seed: int = 0
+
+
+class _Frames(_Loose):
+    data: Data
+    phantom: PhantomOptions
+
+
+@dataclass(frozen=True)
+class Trained:
+    """The options of a training.
+
+    Attributes:
+        checkpoint: their file.
+        content: all of them, as today's version names them.
+        model: of the network.
+        size_hw: height and width of the frames.
+        seed: of the training.
+    """
+
+    checkpoint: Path
+    content: Mapping[str, Any]
+    model: ModelOptions
+    size_hw: tuple[int, int]
+    seed: int
+
+    @property
+    def data(self) -> DataOptions:
+        """The data sets it was trained on.
+
+        Raises:
+            UserError: they are of another version.
+        """
+        return self._checked(_Frames).data
+
+    @property
+    def phantom(self) -> PhantomOptions:
+        """What was rendered for it.
+
+        Raises:
+            UserError: as of `data`.
+        """
+        return self._checked(_Frames).phantom
+
+    @property
+    def trained_on(self) -> tuple[str, ...]:
+        """Names of the data sets it was trained on."""
+        data = self.content["data"]
+        also = data.get("also")
+        sources = (data, *(also.values() if isinstance(also, Mapping) else ()))
+        return tuple(
+            dict.fromkeys(str(source.get("name")) for source in sources if isinstance(source, Mapping))
+        )
+
+    def options(self) -> TrainOptions:
+        """All of them.
+
+        Raises:
+            UserError: they are of another version.
+        """
+        return self._checked(TrainOptions)
+
+    def _checked(self, kind: type[Any]) -> Any:
+        return _checked(kind, self.content, self.checkpoint)
+
+
+def trained_options(checkpoint: Mapping[str, Any], path: Path) -> Trained:
+    """The options that a checkpoint was trained with.
+
+    Raises:
+        UserError: it holds none, parts of a plugin that is not loaded, or a network of another version.
+    """
+    try:
+        given = dict(checkpoint["hyper_parameters"]["options"])
+    except (KeyError, TypeError, ValueError):
+        raise UserError(
+            f"checkpoint: {path} is not a checkpoint written by train.py; "
+            "for the authors' weights say published=<whose>"
+        ) from None
+    if absent := sorted({str(name) for name in given.get("plugins") or ()} - {*plugins.load()}):
+        raise UserError(
+            f"checkpoint: {path} was trained with parts of {', '.join(absent)}; add "
+            f"plugins=[{','.join(absent)}], or name them in {plugins.VARIABLE}"
+        )
+    content = updated(given)
+    network = _checked(_Network, content, path)
+    height, width = network.data.size
+    return Trained(path, content, network.model, (height, width), network.seed)
+
+
+def _checked(kind: type[Any], content: Mapping[str, Any], path: Path) -> Any:
+    try:
+        return check_options(kind, content)
+    except UserError as error:
+        raise UserError(f"checkpoint: {path} was trained with options of another version: {error}") from None
