@@ -2,7 +2,7 @@
 
 import re
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import (
     Field,
@@ -22,13 +22,16 @@ from col3d.losses.options import LossOptions, Weight
 from col3d.metrics import registered_specs
 from col3d.metrics.options import MetricOptions
 from col3d.models.options import ModelOptions, model_options
+from col3d.models.published import SOURCES
 from col3d.optimizers import OptimizerOptions, optimizer_options, sample_optimizer
 from col3d.registry import CALLBACKS, DATASETS, MODELS
 from col3d.schedulers import PlateauOptions, SchedulerOptions, scheduler_options, try_schedule
 from col3d.schema import NoneWord, Options
 
-Published = Literal["bts", "col3d_bts_cbam", "col3d_mtl_no_xtc", "col3d_mtl", "newcrfs", "monodepth_fpn"]
-"""Whose weights a checkpoint holds: `col3d.models.published`."""
+if TYPE_CHECKING:
+    Published = str
+else:
+    Published = Literal[*SOURCES]  # whose weights a checkpoint holds
 ByName = Field(discriminator="name")
 """Which of several classes of options is meant is told by their name."""
 
