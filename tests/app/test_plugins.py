@@ -1,10 +1,14 @@
 """A network, a loss and an optimiser of somebody's own package, without a line changed here."""
 
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
-from programs import call
+from programs import PROJECT, call
+from served import served
 from tiny_run import TINY
 
 PACKAGE = '''
@@ -57,23 +61,23 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_parts_of_a_package_train_beside_ours_and_are_known_everywhere(
-    folder: Path, phantom_root: Path
+def test_parts_of_a_package_are_known_everywhere(
+    folder: Path, phantom_root: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    data = f"data.root={phantom_root}"
-    place = f"hydra.sweep.dir={folder / 'all'}"
+    data, workers = f"data.root={phantom_root}", ("data.workers=1",)
     both = ("plugins=[mylab]", "model=net,bts", "loss=silog", "optimizer=half")
-    sweep = call("train.py", "-m", *TINY, *both, data, place, cwd=folder)
+    jobs = ("hydra/launcher=joblib", "hydra.launcher.n_jobs=2", f"hydra.sweep.dir={folder / 'all'}")
+    sweep = call("train.py", "-m", *TINY, *both, data, *jobs, *workers, cwd=folder)
     assert sweep.returncode == 0, sweep.stderr
+    assert len(list((folder / "all").glob("*/result.json"))) == 2
+
     run = folder / "run"
-    one = (*TINY, data, *OWN, *REST, f"hydra.run.dir={run}")
+    one = (*TINY, data, *OWN, *REST, *workers, f"hydra.run.dir={run}")
     trained = call("train.py", *one, cwd=folder)
     assert trained.returncode == 0, trained.stderr
     assert "minimises 1 silog + 0.5 far(power=2.0)" in trained.stdout
     assert "train/loss_far" in (run / "metrics.csv").read_text().splitlines()[0]
     assert json.loads((run / "starts.json").read_text())["starts"][-1]["packages"]["mylab"] == "unknown"
-    again = call("train.py", *one, cwd=folder)
-    assert "finished before" in again.stdout, again.stderr
 
     best = f"checkpoint={run / 'checkpoints' / 'best.ckpt'}"
     without = call("evaluate", best, cwd=folder)
@@ -84,6 +88,35 @@ def test_parts_of_a_package_train_beside_ours_and_are_known_everywhere(
     exported = call("export", best, "plugins=[mylab]", "output=net.onnx", cwd=folder)
     assert exported.returncode == 0, exported.stderr
     assert "image -> depth" in exported.stdout
+    monkeypatch.setenv("COL3D_PLUGINS", "mylab")
+    with served(run / "checkpoints" / "best.ckpt", folder) as address:
+        assert address.startswith("http://127.0.0.1")
+    monkeypatch.delenv("COL3D_PLUGINS")
+
+    (folder / "mylab" / "__init__.py").write_text(f"{PACKAGE}\n# another line\n")
+    again = call("train.py", *one, cwd=folder)
+    assert "finished before" in again.stdout, again.stderr
+    assert "note: since this run's last start: files of the plugin mylab changed" in again.stdout
+
+
+def test_two_processes_share_the_parts_of_a_package(folder: Path, phantom_root: Path) -> None:
+    split = ("data.split.train=[cecum_t1_a,trans_t1_a:0-0]", "data.batch_size=2")
+    two = ("trainer=ddp", "trainer.devices=2", "trainer.accelerator=cpu", f"data.root={phantom_root}")
+    answer = call("train.py", *TINY, *split, *two, *OWN, *REST, "hydra.run.dir=run", cwd=folder)
+    assert answer.returncode == 0, answer.stderr
+    assert (folder / "run" / "result.json").is_file()
+
+
+def test_an_installed_package_needs_no_word(folder: Path) -> None:
+    about = folder / "mylab-0.1.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: mylab\nVersion: 0.1\n")
+    (about / "entry_points.txt").write_text("[col3d.plugins]\nmine = mylab\n")
+    listed = call("list", "models", cwd=PROJECT, PYTHONPATH=str(folder))
+    assert listed.returncode == 0, listed.stderr
+    assert "net " in listed.stdout
+    described = call("describe", "model", "net", cwd=PROJECT, PYTHONPATH=str(folder))
+    assert "model.width: int, gt=0; 4 unless given" in described.stdout
 
 
 @pytest.mark.parametrize(
@@ -130,3 +163,30 @@ def test_an_error_of_the_package_keeps_its_traceback(folder: Path) -> None:
     assert answer.returncode == 1
     assert "mylab/__init__.py" in answer.stderr
     assert answer.stderr.splitlines()[-1] == "ValueError: mine"
+
+
+def test_the_package_to_copy_trains_and_obeys_the_laws(phantom_root: Path, tmp_path: Path) -> None:
+    source = PROJECT / "examples" / "mylab"
+    given = (*TINY, "plugins=[mylab]", "model=tinynet", "model.width=16", f"data.root={phantom_root}")
+    answer = call("train.py", *given, "hydra.run.dir=run", cwd=tmp_path, PYTHONPATH=str(source / "src"))
+    assert answer.returncode == 0, answer.stderr
+    assert (tmp_path / "run" / "summary.json").is_file()
+    laws = subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "pytest",
+            "-q",
+            "-p",
+            "no:dash",
+            "-p",
+            "no:cacheprovider",
+            str(source / "tests"),
+        ],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(source / "src")},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert laws.returncode == 0, laws.stdout

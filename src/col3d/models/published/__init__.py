@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy._core.multiarray import _reconstruct as numpy_reconstruct
-from numpy._core.multiarray import scalar as numpy_scalar
 from torch import Tensor
 
 from col3d.checks import check_known
@@ -36,11 +34,13 @@ SOURCES: dict[str, Source] = {
 }
 OURS = "network."
 """What names start with in checkpoints of this package's trainings."""
+NUMPY_RECONSTRUCT, NUMPY_SCALAR = (value.__reduce__()[0] for value in (np.zeros(1), np.float64(0)))
+"""What pickles of arrays and of their numbers call."""
 NUMPY_ARRAYS: list[Any] = [
-    (numpy_reconstruct, "numpy.core.multiarray._reconstruct"),
-    (numpy_reconstruct, "numpy._core.multiarray._reconstruct"),
-    (numpy_scalar, "numpy.core.multiarray.scalar"),
-    (numpy_scalar, "numpy._core.multiarray.scalar"),
+    (NUMPY_RECONSTRUCT, "numpy.core.multiarray._reconstruct"),
+    (NUMPY_RECONSTRUCT, "numpy._core.multiarray._reconstruct"),
+    (NUMPY_SCALAR, "numpy.core.multiarray.scalar"),
+    (NUMPY_SCALAR, "numpy._core.multiarray.scalar"),
     np.ndarray,
     np.dtype,
     *{type(np.dtype(kind)) for kind in ("bool", "int32", "int64", "float32", "float64")},
