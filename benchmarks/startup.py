@@ -20,7 +20,7 @@ def startup_rows(repeats: int) -> list[Row]:
         helps = [_help() for _ in range(repeats)]
         steps = [_first_step(Path(place), number + 1) for number in range(repeats)]
     return [
-        row(TABLE, "train.py --help", "s", helps, at_most=1.5),
+        row(TABLE, "train.py --help", "s", helps, at_most=5.0),  # imports torch: classes are the options
         row(TABLE, "first training step of preset=smoke", "s", steps, at_most=12.0),
     ]
 
