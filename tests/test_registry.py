@@ -1,5 +1,6 @@
 """Parts by name: what a registration takes, what its signature checks, and what it refuses."""
 
+import functools
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -11,7 +12,7 @@ from torch import nn
 from col3d.checks import OptionError
 from col3d.models import create
 from col3d.models.options import ModelOptions, model_options, node
-from col3d.registry import MODELS, Registry, available, describe
+from col3d.registry import KINDS, MODELS, Part, Registry, available, describe
 from col3d.schema import Options, SignatureError, options_of, parameters
 
 
@@ -123,6 +124,79 @@ def test_a_name_is_given_once(nets: Registry) -> None:
 
     with pytest.raises(ValueError, match=r"'net' is test_registry\.Net already; give .*Other another name"):
         nets.register("net", Other)
+
+
+def test_who_takes_a_name_of_ours_is_told_to_rename(nets: Registry) -> None:
+    with pytest.raises(
+        ValueError, match=r"'bts' is col3d\.models\.bts\.BTS already; give test_registry\.Net an"
+    ):
+        nets.register("bts", Net)
+    ours = nets.parts["bts"].build
+    nets.parts["bts"] = Part("model", "bts", Net)  # a plugin that was loaded before our own parts
+    with pytest.raises(
+        ValueError, match=r"'bts' is col3d\.models\.bts\.BTS already; give test_registry\.Net an"
+    ):
+        nets.register("bts", ours)
+
+
+class Maker:
+    """Makes networks."""
+
+    def __call__(self, width: Annotated[int, Field(gt=0)] = 3) -> nn.Module: ...
+
+
+@pytest.mark.parametrize(
+    ("build", "place", "option"),
+    [
+        (functools.partial(Net, dropout=0.25), "test_registry.Net", "model.dropout: float, ge=0, lt=1; 0.25"),
+        (functools.partial(Maker().__call__), "test_registry.Maker.__call__", "model.width: int, gt=0; 3"),
+        (functools.partial(Maker()), "test_registry.Maker", "model.width: int, gt=0; 3"),
+        (Maker(), "test_registry.Maker", "model.width: int, gt=0; 3"),
+    ],
+)
+def test_whatever_can_be_called_can_be_registered(
+    nets: Registry, build: Any, place: str, option: str
+) -> None:
+    nets.register("called", build, predicts=("depth",), presets={})
+    said = describe("model", "called")
+    assert said.startswith(f"model called ({place})")
+    assert option in said
+    assert model_options({"name": "called"}).name == "called"
+
+
+@pytest.mark.parametrize(
+    ("kind", "option"),
+    [
+        ("model", "model.name"),
+        ("loss", "loss.terms.ENTRY.from_epoch"),
+        ("balancer", "loss.balance.name"),
+        ("dataset", "data.split"),
+        ("optimizer", "optimizer.layer_decay"),
+        ("scheduler", "scheduler.interval"),
+        ("callback", "callbacks.more.ENTRY.callback"),
+    ],
+)
+def test_no_parameter_is_called_as_an_option_of_the_program(kind: str, option: str) -> None:
+    scope: dict[str, Any] = {"__name__": "theirs"}
+    exec(f"def part({option.rpartition('.')[2]}: int = 3): ...", scope)
+    with pytest.raises(SignatureError, match=f"needs another name: {option} is an option of every {kind}"):
+        KINDS[kind].register("theirs", scope["part"])
+
+
+def test_what_a_function_gives_is_of_its_kind(nets: Registry) -> None:
+    def nothing(width: int = 3) -> None: ...
+
+    nets.register("nothing", nothing, predicts=("depth",), presets={})
+    with pytest.raises(OptionError, match=r"model nothing: .*nothing gives NoneType, which is no model"):
+        create("nothing")
+
+
+def test_an_empty_path_is_no_path() -> None:
+    def net(weights: Path = Path("a"), other: Path | None = None) -> None: ...
+
+    for name in ("weights", "other"):
+        with pytest.raises(ValidationError, match="text that is not empty"):
+            options_of(net).model_validate({name: ""})
 
 
 def test_a_decorator_leaves_the_class_as_it_is(nets: Registry) -> None:

@@ -4,10 +4,13 @@ A `Batch` is what a data set yields after collation; a single item is the same w
 A `Prediction` is what every network returns.
 """
 
+from collections.abc import Mapping
 from typing import NotRequired, TypedDict
 
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
+
+from col3d.checks import UserError
 
 
 class Batch(TypedDict):
@@ -43,6 +46,26 @@ def normals_mask(batch: Batch) -> Bool[Tensor, "b 1 h w"]:
     return batch["mask"] & (batch["normals"] != 0).any(dim=1, keepdim=True)
 
 
+def check_prediction(prediction: object, image: Tensor, network: str) -> None:
+    """Refuse what is no `Prediction` for images (b, 3, h, w): somebody's network may return anything.
+
+    Raises:
+        UserError: names the network, what it has to return and what came.
+    """
+    expected = {"depth": (len(image), 1, *image.shape[2:]), "normals": (len(image), 3, *image.shape[2:])}
+    given = prediction if isinstance(prediction, Mapping) else {"depth": prediction}
+    came = {name: _size(given[name]) for name in expected if name in given}
+    wrong = [name for name in came if came[name] != str(expected[name])]
+    if isinstance(prediction, Mapping) and "depth" in came and not wrong:
+        return
+    got = ", ".join(f"{name} {came[name]}" for name in wrong) or f"a dict of {sorted(map(str, given))}"
+    got = got if isinstance(prediction, Mapping) else type(prediction).__name__
+    raise UserError(
+        f"model: {network} has to return a dict with depth {expected['depth']} for images {_size(image)}; "
+        f"got {got}"
+    )
+
+
 def check_maps(preds: Tensor, target: Tensor, mask: Tensor) -> None:
     """Refuse maps that broadcasting would combine into a wrong number.
 
@@ -57,5 +80,5 @@ def check_maps(preds: Tensor, target: Tensor, mask: Tensor) -> None:
         raise ValueError(f"mask: expected (b, 1, h, w) of preds {_size(preds)}, got {_size(mask)}")
 
 
-def _size(tensor: Tensor) -> str:
-    return str(tuple(tensor.shape))
+def _size(value: object) -> str:
+    return str(tuple(value.shape)) if isinstance(value, Tensor) else type(value).__name__

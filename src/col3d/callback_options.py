@@ -51,11 +51,12 @@ def _try(place: str, entry: CallbackEntry) -> None:
     """Let Lightning say what its rules are; a user's own code keeps its traceback."""
     part = CALLBACKS[entry.callback]
     try:
-        part.build(**own_options(entry))
+        callback = part.build(**own_options(entry))
     except Exception as error:
         if part.package not in ("lightning", "col3d"):
             raise
         raise OptionError(f"{place}: {entry.callback}: {' '.join(str(error).split())}") from None
+    part.made(callback, "on_train_epoch_end")
 
 
 def own_options(entry: CallbackEntry) -> dict[str, Any]:

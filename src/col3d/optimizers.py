@@ -95,7 +95,7 @@ def optimizer_of(options: OptimizerOptions) -> OptimizerFactory:
         groups = _groups(network, options, decay or 0.0)
         if decay is None:
             groups = [{key: group[key] for key in group if key != "weight_decay"} for group in groups]
-        built: Optimizer = part.build(groups, **given)
+        built: Optimizer = part.made(part.build(groups, **given), "param_groups")
         return built
 
     return build

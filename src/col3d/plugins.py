@@ -13,6 +13,7 @@ import sys
 from collections.abc import Iterable
 from importlib.util import find_spec
 from pathlib import Path
+from types import ModuleType
 
 from col3d.checks import OptionError
 
@@ -20,7 +21,7 @@ VARIABLE = "COL3D_PLUGINS"
 GROUP = "col3d.plugins"
 
 _loaded: dict[str, Path] = {}
-"""Folders of the packages that were imported, by name."""
+"""Where the plugins that were imported lie, by name: a package's folder, or the file of a module alone."""
 
 
 def load(names: Iterable[str] = ()) -> list[str]:
@@ -50,10 +51,12 @@ def configurations() -> list[Path]:
 def code() -> dict[str, str]:
     """A sum over the Python files of each loaded plugin: a version need not change with the code."""
     found = {}
-    for name, folder in _loaded.items():
+    for name, place in _loaded.items():
         total = hashlib.blake2b(digest_size=8)
-        for path in sorted(folder.rglob("*.py")):
-            total.update(f"{path.relative_to(folder).as_posix()}\0".encode() + path.read_bytes())
+        for path in [place] if place.is_file() else sorted(place.rglob("*.py")):
+            if not path.is_file():  # an editor's lock is a link to nowhere
+                continue
+            total.update(f"{path.relative_to(place).as_posix()}\0".encode() + path.read_bytes())
         found[name] = total.hexdigest()
     return found
 
@@ -82,6 +85,8 @@ def _imported(name: str) -> Path:
     if here not in sys.path:  # an installed command does not look where it is called, as `python -m` does
         sys.path.append(here)
     top = name.partition(".")[0]
+    if top in sys.stdlib_module_names:
+        raise OptionError(f"plugins: {top} is a module of Python itself: give the package another name")
     if not all(part.isidentifier() for part in name.split(".")) or find_spec(top) is None:
         raise OptionError(
             f"plugins: there is no package {name!r}: install it, or put its folder on PYTHONPATH"
@@ -92,4 +97,12 @@ def _imported(name: str) -> Path:
         if error.name != name:
             raise
         raise OptionError(f"plugins: the package {top} has no module {name!r}") from None
-    return Path(module.__file__ or ".").parent
+    return _place(module)
+
+
+def _place(module: ModuleType) -> Path:
+    """Its package's folder, which need not have an `__init__.py`, or the file of one that is in none."""
+    if folders := getattr(module, "__path__", None):
+        return Path(next(iter(folders)))
+    file = Path(module.__file__ or module.__name__)
+    return file.parent if "." in module.__name__ else file

@@ -1,6 +1,7 @@
 """Bad input in one line: the option, the rule, what came and the nearest valid name."""
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
@@ -80,10 +81,19 @@ def _line(options: type[BaseModel], option: str, details: list[ErrorDetails], gr
     return f"{option}: expected {' or '.join(dict.fromkeys(rules))}, got {came!r}"
 
 
+SAID = {
+    "a valid list": "a list in brackets, [a,b]",
+    "a valid tuple": "a list in brackets, [a,b]",
+    "a valid dictionary": "a mapping in braces, {a:1,b:2}",
+    f"Input is not a valid path for {Path}": "a path",
+}
+"""What pydantic expects, where a command line has other words for it."""
+
+
 def _rule(message: str) -> str:
     """What pydantic expects, as it is typed on a command line."""
     rule = message.removeprefix("Input should be ").removeprefix("List should have ")
-    return "a list in brackets, [a,b]" if rule == "a valid list" else rule
+    return SAID.get(rule, rule)
 
 
 def _fields(options: type[BaseModel], path: list[str]) -> list[str]:

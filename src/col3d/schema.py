@@ -1,6 +1,7 @@
 """Options that are checked: the signature of a class or a function as a pydantic model."""
 
 import collections.abc
+import functools
 import inspect
 import warnings
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -22,6 +23,13 @@ CONTAINERS = (list, tuple, Sequence, dict, Mapping, Literal, Union, UnionType, A
 
 CHECKERS_NAMES = {**vars(collections.abc), "Iterable": Sequence}
 """What libraries import for annotations alone; pydantic would read an `Iterable` only when it is used."""
+
+
+def _no_empty_path(value: Any) -> Any:
+    if value == "":
+        raise PydanticCustomError("no_text", "text that is not empty")
+    return value
+
 
 NoneWord = BeforeValidator(lambda value: None if value == "none" else value)
 """Lets `none` on a command line stand for null."""
@@ -83,12 +91,14 @@ def parameters(build: Callable[..., Any], supplied: Collection[str] = ()) -> dic
         if not _is_plain_type(annotation) or not (required or _is_plain(parameter.default)):
             if required:
                 raise SignatureError(
-                    f"{_named(build)}: parameter {name!r} needs a default, or a type of plain values "
+                    f"{place_of(build)}: parameter {name!r} needs a default, or a type of plain values "
                     f"(numbers, text, lists of them); it has {annotation}"
                 )
             continue
         if parameter.kind is parameter.POSITIONAL_ONLY:
-            raise SignatureError(f"{_named(build)}: parameter {name!r} must be one that can be given by name")
+            raise SignatureError(
+                f"{place_of(build)}: parameter {name!r} must be one that can be given by name"
+            )
         found[name] = (annotation, PydanticUndefined if required else parameter.default)
     return found
 
@@ -114,6 +124,8 @@ def options_of(
     for name, (annotation, default) in parameters(build, supplied).items():
         may_be_none = default is None or NoneType in get_args(_bare(annotation))
         kind = Annotated[annotation | None, NoneWord] if may_be_none else annotation
+        if Path in (annotation, *get_args(annotation)):
+            kind = Annotated[kind, BeforeValidator(_no_empty_path)]
         if name in rules and isinstance(default, int | float):
             kind = Annotated[kind, rules[name]]
         usual = default
@@ -123,7 +135,7 @@ def options_of(
         fields[name] = (kind, Field(default=usual, validate_default=True))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # a parameter may be called as a method of pydantic's
-        return create_model(build.__name__, __base__=base, **fields)
+        return create_model(home_of(build).__name__, __base__=base, **fields)
 
 
 def check_names(group: str, given: Mapping[str, Any], options: type[BaseModel]) -> None:
@@ -200,18 +212,39 @@ def plain(value: Any) -> Any:
     return str(value) if isinstance(value, Path) else value
 
 
+def home_of(build: Callable[..., Any]) -> Any:
+    """The class or function that a callable is made of: what has a name, a module and a docstring.
+
+    Raises:
+        SignatureError: it cannot be called.
+
+    >>> home_of(functools.partial(dict, a=1))
+    <class 'dict'>
+    """
+    if isinstance(build, functools.partial):
+        return home_of(build.func)
+    if not callable(build):
+        raise SignatureError(f"expected a class or a function, got {build!r}")
+    return build if inspect.isclass(build) or inspect.isroutine(build) else type(build)
+
+
+def place_of(build: Callable[..., Any]) -> str:
+    """Where a callable comes from, as messages say it."""
+    home = home_of(build)
+    return f"{home.__module__}.{home.__qualname__}"
+
+
 def _hints(build: Callable[..., Any]) -> dict[str, Any]:
-    target = build.__init__ if inspect.isclass(build) else build
+    if isinstance(build, functools.partial):
+        return _hints(build.func)
+    home = home_of(build)
+    target = home if inspect.isroutine(home) else home.__init__ if home is build else home.__call__
     with suppress(NameError):
         return get_type_hints(target, include_extras=True)
     try:  # names that are there for type checkers alone
         return get_type_hints(target, localns=CHECKERS_NAMES, include_extras=True)
     except NameError as error:
-        raise SignatureError(f"{_named(build)}: {error} (in its annotations)") from None
-
-
-def _named(build: Callable[..., Any]) -> str:
-    return f"{build.__module__}.{build.__qualname__}"
+        raise SignatureError(f"{place_of(build)}: {error} (in its annotations)") from None
 
 
 def _bare(annotation: Any) -> Any:

@@ -14,21 +14,39 @@ from tiny_run import TINY
 PACKAGE = '''
 """Parts of a laboratory."""
 
+from collections.abc import Mapping
+from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated
 
 import torch
 from pydantic import Field
 from torch import nn
 
-from col3d.registry import register_loss, register_model, register_optimizer
+from col3d.registry import register_callback, register_loss, register_model, register_optimizer
+
+
+@register_callback("hook")
+def hook(count: int = 3):
+    """No callback."""
+    return count
 
 
 @register_model("net", loss="silog")
 class Net(nn.Module):
     """One convolution."""
 
-    def __init__(self, width: Annotated[int, Field(gt=0)] = 4, max_depth: float = 100.0) -> None:
+    def __init__(
+        self,
+        width: Annotated[int, Field(gt=0)] = 4,
+        max_depth: float = 100.0,
+        shares: Mapping[str, float] = MappingProxyType({"a": 1.0}),
+        init: Path = Path("none"),
+        pair: tuple[int, int] = (3, 3),
+    ) -> None:
         super().__init__()
+        assert isinstance(init, Path) and isinstance(pair, tuple)
+        assert shares in ({"a": 1.0}, {"a": 1.0, "b": 2.0})
         self.layers = nn.Sequential(nn.Conv2d(3, width, 3, padding=1), nn.ReLU(), nn.Conv2d(width, 1, 1))
         self.max_depth = max_depth
 
@@ -50,7 +68,13 @@ class Half(torch.optim.SGD):
     def __init__(self, params, lr: float = 1e-2) -> None:
         super().__init__(params, lr=lr / 2)
 '''
-OWN = ("plugins=[mylab]", "model=net", "model.width=6", "loss.terms.far={term:far,power:2.0}")
+OWN = (
+    "plugins=[mylab]",
+    "model=net",
+    "model.width=6",
+    "model.shares={b:2}",
+    "loss.terms.far={term:far,power:2.0}",
+)
 REST = ("loss.lambdas=[1.0,0.5]", "optimizer=half", "optimizer.lr=1e-2")
 
 
@@ -125,7 +149,17 @@ def test_an_installed_package_needs_no_word(folder: Path) -> None:
         (["plugins=[mylob]"], "plugins: there is no package 'mylob'"),
         (["plugins=[mylab.parts]"], "plugins: the package mylab has no module 'mylab.parts'"),
         (["plugins=[/etc]"], "plugins: there is no package '/etc'"),
+        (["plugins=[random]"], "plugins: random is a module of Python itself"),
+        (["plugins=mylab,theirs"], "plugins: write [mylab,theirs], got mylab,theirs"),
+        (["plugins=[mylab"], "plugins: write lists without spaces"),
         (["model=net"], "model: 'net' is unknown"),
+        (["plugins=[mylab]", "model=net", "model.shares={a:x}"], "model.shares.a: expected a valid number"),
+        (["plugins=[mylab]", "model=net", "model.shares.b=x"], "model.shares.b: expected a valid number"),
+        (["plugins=[mylab]", "model=net", "model.shares=3"], "model.shares: expected a mapping in braces"),
+        (["plugins=[mylab]", "model=net", "model.init="], "model.init: expected text that is not empty"),
+        (["plugins=[mylab]", "model=net", "model.init=null"], "model.init: expected a path, got None"),
+        (["plugins=[mylab]", "model=net", "model.pair=3"], "model.pair: expected a list in brackets"),
+        (["plugins=[mylab]", "callbacks.more.it=hook"], "callback hook: mylab.hook gives int, which is no"),
         (
             ["plugins=[mylab]", "model=net", "model.wdith=3"],
             "model.wdith: no such option; did you mean 'model.width'",

@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from col3d.batch import Batch, Prediction
+from col3d.checks import UserError
 from col3d.geometry import Camera, OmnidirectionalCamera, PinholeCamera, normals_from_depth
 from col3d.losses import WeightedLoss, cross_task_l1, cross_task_rmse, normal_l1, normal_rmse, silog
 from col3d.losses.depth_regression import depth_l1, rmse_log
@@ -240,3 +241,16 @@ def test_a_term_may_be_any_function_and_the_sum_says_what_it_is(lens: Batch) -> 
     assert loss.formula == "0.5 silog + 0.25 own + 2 cross_task_rmse(geometry=pinhole)"
     guess = guess_of(lens)
     assert torch.equal(loss(guess, lens)["own"], guess["depth"].max())
+
+
+@pytest.mark.parametrize(
+    ("value", "came"), [(3.0, "float"), (None, "NoneType"), (torch.ones(2), r"shape \(2,\)")]
+)
+def test_what_is_no_scalar_is_said_with_the_option(lens: Batch, value: Any, came: str) -> None:
+    prediction: Prediction = {"depth": lens["depth"]}
+    loss = WeightedLoss([1.0], {"mine": lambda prediction, batch: value})
+    with pytest.raises(UserError, match=rf"loss\.terms\.mine: .* one number; got {came}$"):
+        loss(prediction, lens)
+    balanced = WeightedLoss([1.0], {"depth": "silog"}, balance=lambda losses, lambdas: value)
+    with pytest.raises(UserError, match=rf"loss\.balance: .* one number; got {came}$"):
+        balanced(prediction, lens)

@@ -16,7 +16,7 @@ from col3d.app import build
 from col3d.app.checkpoints import run_of
 from col3d.app.starts import Starts
 from col3d.app.trained import Trained, trained_options
-from col3d.batch import Prediction
+from col3d.batch import Prediction, check_prediction
 from col3d.checks import UserError
 from col3d.data.resize import resized_image
 from col3d.geometry import Camera, unit
@@ -79,6 +79,7 @@ class Learnt:
         seen = resized_image(images, self.size_hw).to(device).float() / 255
         rays = None if camera is None else camera.resized(self.size_hw).rays().to(device)
         prediction = self.network(seen, rays)
+        check_prediction(prediction, seen, self.name)
         enlarged: Prediction = {"depth": _at(prediction["depth"].float(), size_hw)}
         if "normals" in prediction:
             enlarged["normals"] = unit(_at(prediction["normals"].float(), size_hw))

@@ -47,7 +47,8 @@ def _made(options: TrainOptions, name: str, folder: Path, run: str, goes_on: boo
     supplied = {"folder": folder, "run": run, "config": options.model_dump(mode="json")}
     takes = signature(part.build).parameters
     try:
-        logger: Logger = part.build(**{key: value for key, value in supplied.items() if key in takes}, **own)
+        given = {key: value for key, value in supplied.items() if key in takes}
+        logger: Logger = part.made(part.build(**given, **own), "log_metrics")
         if "config" not in takes and not goes_on:
             logger.log_hyperparams(_flat(supplied["config"]))
     except UserError:

@@ -13,7 +13,9 @@ from hydra.plugins.search_path_plugin import SearchPathPlugin
 from omegaconf import OmegaConf
 
 from col3d import plugins
+from col3d.checks import OptionError
 from col3d.registry import DATASETS, GROUPS, Part
+from col3d.schema import is_group
 
 OPTION = "plugins="
 USUAL = {"task": "supervised"}
@@ -32,13 +34,17 @@ class RegisteredParts(ConfigSource):
         """The options of a part with their defaults, and the groups that it brings along."""
         group, part = self._found(config_path)
         assert part is not None
-        content = GROUPS[group].node(part, group)
+        content = own = GROUPS[group].node(part, group)
         chosen = {other: choice for other, choice in part.chooses.items() if USUAL.get(other) != choice}
         package = None
         if chosen:
             defaults = [{f"override /{other}": choice} for other, choice in chosen.items()]
             package, content = "_global_", {"defaults": defaults, group: content}
-        return ConfigResult(part.package, self.full_path(), OmegaConf.create(content), {"package": package})
+        config = OmegaConf.create(content)
+        for name, (annotation, _) in part.parameters().items():
+            if isinstance(own.get(name), dict) and not is_group(annotation):  # a mapping takes any key
+                OmegaConf.set_struct(config[group][name] if chosen else config[name], False)
+        return ConfigResult(part.package, self.full_path(), config, {"package": package})
 
     def available(self) -> bool:
         """Always."""
@@ -111,6 +117,8 @@ def load_plugins(arguments: Sequence[str]) -> list[str]:
                 value = OverridesParser.create().parse_override(argument).value()
             except HydraException:  # said by Hydra's own run
                 continue
+            if not isinstance(value, str | list | int | float):
+                raise OptionError(f"plugins: write [mylab,theirs], got {argument.partition('=')[2]}")
             named = [str(name) for name in value] if isinstance(value, list) else [str(value)]
     plugins.load(named)
     return [f"++{argument}" if argument.startswith(OPTION) else argument for argument in arguments]

@@ -32,7 +32,7 @@ from col3d.owned import Owned
 from col3d.reports.jobs import STATUS, TRAINING, read_plain
 from col3d.reports.summary import write_json
 
-BAD_INPUT = (DataError, UserError, OSError)
+BAD_INPUT = (DataError, OptionError, UserError, OSError)
 INTERRUPTED = 130
 PLUGINS = "plugins"
 TRAINS = ("train", "benchmark")

@@ -12,7 +12,7 @@ from hydra.errors import HydraException, OverrideParseException
 from omegaconf import OmegaConf
 from omegaconf.errors import InterpolationResolutionError
 
-from col3d.checks import DataError, UserError, nearest_name
+from col3d.checks import DataError, OptionError, UserError, nearest_name
 from col3d.cli.files import CONF, is_group, names_in
 from col3d.cli.paths import quoted
 from col3d.registry import GROUPS
@@ -36,7 +36,7 @@ def explain(error: Exception, config_name: str) -> str:
         error = error.__context__  # what one of the resolvers says
     if isinstance(error, OverrideParseException):
         return _unreadable(error.override)
-    if isinstance(error, DataError | UserError):
+    if isinstance(error, DataError | OptionError | UserError):
         return str(error).rpartition("DataError: ")[2].strip()  # a loader's worker sends its traceback along
     text = " ".join(f"{error} {error.__cause__ or ''}".split())
     for pattern, explanation in COMPLAINTS.items():
@@ -78,7 +78,7 @@ def _bare_list(option: str, config_name: str) -> str:
 
 
 def _unreadable(override: str) -> str:
-    option, equals, value = override.partition("=")
+    option, equals, value = override.lstrip("+").partition("=")
     if not equals:
         return f"{override}: not key=value"
     if value.startswith("["):

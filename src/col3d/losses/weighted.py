@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from col3d.batch import Batch, Prediction
-from col3d.checks import OptionError
+from col3d.checks import OptionError, UserError
 from col3d.losses.balance import Balancer, Fixed
 from col3d.losses.options import TermOptions, own_options, term_options
 from col3d.registry import LOSSES
@@ -66,13 +66,29 @@ class WeightedLoss(nn.Module):
     def forward(self, prediction: Prediction, batch: Batch, epoch: int | None = None) -> dict[str, Tensor]:
         """Every term unweighted, and as `total` the weighted sum of those that count in this epoch."""
         with torch.autocast(batch["image"].device.type, enabled=False):
-            losses = {name: term(prediction, batch) for name, term in self.terms.items()}
-            losses["total"] = self.balance(losses, {name: self._weight(name, epoch) for name in losses})
+            losses = {
+                name: _scalar(f"loss.terms.{name}", term(prediction, batch))
+                for name, term in self.terms.items()
+            }
+            weights = {name: self._weight(name, epoch) for name in losses}
+            losses["total"] = _scalar("loss.balance", self.balance(losses, weights))
         return losses
 
     def _weight(self, name: str, epoch: int | None) -> float:
         # Zero rather than left out: under DDP every prediction has to have a gradient.
         return self.lambdas[name] if epoch is None or epoch >= self.from_epoch[name] else 0.0
+
+
+def _scalar(option: str, value: object) -> Tensor:
+    """What a term or a balancer gives.
+
+    Raises:
+        UserError: it is no scalar; names the option.
+    """
+    if isinstance(value, Tensor) and value.ndim == 0:
+        return value
+    came = f"shape {tuple(value.shape)}" if isinstance(value, Tensor) else type(value).__name__
+    raise UserError(f"{option}: its function has to return a tensor that is one number; got {came}")
 
 
 def _bound(options: TermOptions, max_depth: float) -> Term:

@@ -13,6 +13,7 @@ from torch.nn.functional import normalize
 from col3d.checks import UserError
 from col3d.metric_specs import OURS, MetricSpec, by_name
 from col3d.registry import METRICS, Part
+from col3d.schema import place_of
 
 Options = Mapping[str, Mapping[str, Any]]
 """Of metrics, by their names."""
@@ -127,7 +128,7 @@ def _checked(part: Part, found: Any, frames: int) -> Tensor:
     if isinstance(value, Tensor) and value.shape == (frames,):
         return value
     came = f"shape {tuple(value.shape)}" if isinstance(value, Tensor) else f"{type(value).__name__}"
-    where = f"{part.build.__module__}.{part.build.__qualname__}"
+    where = place_of(part.build)
     raise UserError(
         f"metric {part.name}: {where} has to return one value a frame, a tensor of shape ({frames},) for "
         f"{frames} frames; got {came}"

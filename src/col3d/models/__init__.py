@@ -47,7 +47,8 @@ def create(
     wanted = None if normals is None else check_known("model.normals", normals, NORMALS)
     if wanted == "none" and "normals" in part.facts["predicts"]:
         raise OptionError(f"model.normals: {name} always predicts normals{instead(part)}")
-    network: nn.Module = part.build(**_arguments(part, {**options, "normal_frame": normal_frame}))
+    given = _arguments(part, {**options, "normal_frame": normal_frame})
+    network: nn.Module = part.made(part.build(**given), "forward")
     by_itself = "normals" in predicts(network, part.facts["predicts"])
     if wanted == "unc" and not by_itself:
         _add_normals(network, part, options.get("width") or 512, normal_frame)

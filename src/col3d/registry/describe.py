@@ -8,7 +8,7 @@ from pydantic_core import PydanticUndefined
 from col3d.checks import OptionError, nearest_name
 from col3d.registry.kinds import KINDS
 from col3d.registry.parts import Registry
-from col3d.schema import is_group, rule
+from col3d.schema import is_group, place_of, plain, rule
 
 
 def available(kind: str) -> list[str]:
@@ -19,7 +19,7 @@ def available(kind: str) -> list[str]:
 def describe(kind: str, name: str) -> str:
     """A part's first sentence, where it comes from, and a line for each of its options."""
     part = _registry(kind)[name]
-    lines = [f"{part.kind} {part.name} ({part.build.__module__}.{part.build.__qualname__})", part.summary, ""]
+    lines = [f"{part.kind} {part.name} ({place_of(part.build)})", part.summary, ""]
     above = KINDS[part.kind].place.format(name=part.name)
     return "\n".join([*lines, *_described(part.parameters(), above)])
 
@@ -32,7 +32,7 @@ def _described(options: Mapping[str, tuple[Any, Any]], above: str) -> Iterator[s
             }
             yield from _described(inside, f"{above}.{name}")
         else:
-            usual = "needed" if default is PydanticUndefined else f"{default!r} unless given"
+            usual = "needed" if default is PydanticUndefined else f"{plain(default)!r} unless given"
             yield f"  {above}.{name}: {rule(annotation)}; {usual}"
 
 

@@ -11,6 +11,7 @@ MODELS = Registry(
     "model",
     groups={"model": "col3d.models.options:node"},
     supplied=("size_hw",),
+    taken=("name", "freeze", "unfreeze_at"),
 )
 LOSSES = Registry(
     "loss",
@@ -18,6 +19,7 @@ LOSSES = Registry(
     "loss.terms",
     "loss.terms.ENTRY",
     supplied=("prediction", "batch", "max_depth"),
+    taken=("term", "from_epoch"),
 )
 BALANCERS = Registry(
     "balancer",
@@ -25,6 +27,7 @@ BALANCERS = Registry(
     "loss.balance.name",
     "loss.balance",
     groups={"loss/balance": "col3d.losses.options:balance_node"},
+    taken=("name",),
 )
 METRICS = Registry(
     "metric",
@@ -40,6 +43,7 @@ OPTIMIZERS = Registry(
     "optimizer",
     groups={"optimizer": "col3d.optimizers:node"},
     supplied=("params",),
+    taken=("name", "decoder_weight_decay", "encoder_lr", "layer_decay"),
     rules={
         "weight_decay": Field(ge=0),
         "eps": Field(gt=0),
@@ -53,6 +57,10 @@ DATASETS = Registry(
     "data",
     groups={"data": "col3d.data.options:node", "data/source": "col3d.data.options:source_node"},
     supplied=("root", "videos", "normals", "camera", "truth", "rendered"),
+    taken=(
+        *("name", "split", "allow_missing", "store", "weight"),
+        *("size", "batch_size", "workers", "augment", "test", "also"),
+    ),
 )
 COUNTS = ("total_steps", "total_iters", "T_max")
 """Parameters of schedules that are as long as the training unless they are given."""
@@ -63,8 +71,15 @@ SCHEDULERS = Registry(
     "scheduler",
     groups={"scheduler": "col3d.schedulers:node"},
     supplied=("optimizer", "training", "last_epoch", *COUNTS),
+    taken=("name", "interval"),
 )
-CALLBACKS = Registry("callback", ("col3d.callbacks.named",), "callbacks.more", "callbacks.more.ENTRY")
+CALLBACKS = Registry(
+    "callback",
+    ("col3d.callbacks.named",),
+    "callbacks.more",
+    "callbacks.more.ENTRY",
+    taken=("callback",),
+)
 LOGGERS = Registry(
     "logger",
     ("col3d.loggers",),

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 from col3d import plugins
 from col3d.checks import OptionError, nearest_name
-from col3d.schema import Options, options_of, parameters
+from col3d.schema import Options, SignatureError, home_of, options_of, parameters, place_of
 
 Built = TypeVar("Built", bound=Callable[..., Any])
 NOTHING: Mapping[str, Any] = MappingProxyType({})
@@ -40,12 +40,26 @@ class Part:
     @property
     def package(self) -> str:
         """Where it comes from: the first part of its module's name."""
-        return self.build.__module__.partition(".")[0]
+        home: str = home_of(self.build).__module__
+        return home.partition(".")[0]
 
     @property
     def summary(self) -> str:
         """The first line of its docstring."""
-        return next(iter((self.build.__doc__ or "").strip().splitlines()), "")
+        return next(iter((home_of(self.build).__doc__ or "").strip().splitlines()), "")
+
+    def made(self, value: Any, attribute: str) -> Any:
+        """What `build` gave, if it is of this kind.
+
+        Raises:
+            OptionError: it lacks an attribute that every part of this kind has.
+        """
+        if hasattr(value, attribute):
+            return value
+        raise OptionError(
+            f"{self.kind} {self.name}: {place_of(self.build)} gives {type(value).__name__}, which is no "
+            f"{self.kind}"
+        )
 
     def parameters(self) -> dict[str, tuple[Any, Any]]:
         """Its options: annotation and default, by name."""
@@ -71,6 +85,7 @@ class Registry:
             choice brings there.
         supplied: parameters that the program gives to every part that has them.
         rules: pydantic's `Field` for parameters that every part means alike, by name.
+        taken: names of options that the program has beside a part's own, which no parameter may have.
 
     Attributes:
         parts: by name.
@@ -84,6 +99,7 @@ class Registry:
     groups: Mapping[str, str] = field(default_factory=dict)
     supplied: tuple[str, ...] = ()
     rules: Mapping[str, Any] = field(default_factory=dict)
+    taken: tuple[str, ...] = ()
     parts: dict[str, Part] = field(default_factory=dict)
     refused: dict[str, str] = field(default_factory=dict)
 
@@ -98,7 +114,8 @@ class Registry:
 
         Raises:
             ValueError: the name is no identifier, or another part has it.
-            SignatureError: a parameter can neither be set by an option nor left out.
+            SignatureError: a parameter can neither be set by an option nor left out, or has the name of an
+                option of the program.
         """
         if build is None:
             return functools.partial(self._registered, name, chooses=chooses, facts=facts)
@@ -111,12 +128,19 @@ class Registry:
             raise ValueError(f"register_{self.kind}: a name is letters, digits and _, got {name!r}")
         part = Part(self.kind, name, build, self.supplied, self.rules, chooses, facts)
         before = self.parts.get(name)
-        if before is not None and _place(before.build) != _place(build):
+        if before is not None and place_of(before.build) != place_of(build):
+            # whose file is whose is known by now: a plugin may be loaded before our own part of that name
+            theirs, ours = (before, part) if part.package == "col3d" else (part, before)
             raise ValueError(
-                f"register_{self.kind}: {name!r} is {_place(before.build)} already; give "
-                f"{_place(build)} another name"
+                f"register_{self.kind}: {name!r} is {place_of(ours.build)} already; give "
+                f"{place_of(theirs.build)} another name"
             )
-        part.parameters()
+        if both := [option for option in part.parameters() if option in self.taken]:
+            option = f"{self.place.format(name=name)}.{both[0]}"
+            raise SignatureError(
+                f"{place_of(build)}: parameter {both[0]!r} needs another name: {option} is an option of "
+                f"every {self.kind}"
+            )
         self.parts[name] = part
         return build
 
@@ -155,7 +179,3 @@ class Registry:
         module, _, function = self.groups[group].partition(":")
         content: dict[str, Any] = getattr(importlib.import_module(module), function)(part)
         return content
-
-
-def _place(build: Callable[..., Any]) -> str:
-    return f"{build.__module__}.{build.__qualname__}"

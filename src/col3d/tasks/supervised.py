@@ -11,7 +11,7 @@ from torch import Tensor, nn
 from torch.optim.lr_scheduler import LRScheduler, OneCycleLR, ReduceLROnPlateau
 from torchmetrics import MeanMetric
 
-from col3d.batch import Batch, Prediction, normals_mask
+from col3d.batch import Batch, Prediction, check_prediction, normals_mask
 from col3d.checks import UserError
 from col3d.metrics import Protocol, TaskMetrics
 from col3d.metrics.measure import Options
@@ -96,6 +96,7 @@ class SupervisedTask(LightningModule):
     def forward(self, batch: Batch) -> Prediction:
         """The network's prediction for the frames of a batch."""
         prediction: Prediction = self.network(batch["image"], batch["rays"])
+        check_prediction(prediction, batch["image"], type(self.network).__name__)
         return prediction
 
     def training_step(self, batch: Batch, batch_idx: int) -> Tensor:
