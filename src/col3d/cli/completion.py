@@ -48,13 +48,15 @@ def _options(program: str, before: list[str], last: str) -> list[str]:
     """
     from hydra.errors import HydraException
 
-    from col3d.checks import UserError
+    from col3d.checks import OptionError, UserError
     from col3d.cli.files import CONF, names_in
-    from col3d.cli.parts import offer_parts
+    from col3d.cli.parts import load_plugins, offer_parts
     from col3d.cli.refusals import option_names
 
     if not (CONF / f"{program}.yaml").is_file():
         return []
+    with suppress(OptionError):  # a package that is not there offers nothing
+        load_plugins(before)
     offer_parts()
     group, equals, value = last.partition("=")
     if equals:

@@ -92,9 +92,10 @@ def _in_pool(
     counter = context.Value("q", 0)
     with ProcessPoolExecutor(workers, context, initializer=_start, initargs=(counter,)) as pool:
         try:
-            futures: list[Future[Any]] = _undisturbed(
-                lambda: [pool.submit(_counted, work, job) for job in jobs]
-            )
+            with _usual_start_method():
+                futures: list[Future[Any]] = _undisturbed(
+                    lambda: [pool.submit(_counted, work, job) for job in jobs]
+                )
             waiting = set(futures)
             while waiting:
                 done, waiting = wait(waiting, POLL_SECONDS, FIRST_EXCEPTION)
@@ -112,6 +113,23 @@ def _in_pool(
                 ) from None
             raise
         return [future.result() for future in futures]
+
+
+@contextmanager
+def _usual_start_method() -> Iterator[None]:
+    """Let processes be started where this one is of joblib, whose way of starting is told to them by name.
+
+    They would look for that name before they know joblib.
+    """
+    before = multiprocessing.get_start_method(allow_none=True)
+    if before in (None, *multiprocessing.get_all_start_methods()):
+        yield
+        return
+    multiprocessing.set_start_method("spawn", force=True)
+    try:
+        yield
+    finally:
+        multiprocessing.set_start_method(before, force=True)
 
 
 def _undisturbed(start: Callable[[], Any]) -> Any:
