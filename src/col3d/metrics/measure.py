@@ -90,9 +90,8 @@ def _facing(noise: Tensor) -> Tensor:
 
 def _parts(task: str | None, validation: bool) -> list[Part]:
     order = {name: place for place, name in enumerate(OURS)}
-    parts = sorted(
-        map(METRICS.__getitem__, METRICS.names()), key=lambda part: order.get(part.name, len(order))
-    )
+    METRICS.names()  # imports them all
+    parts = sorted(METRICS.parts.values(), key=lambda part: order.get(part.name, len(order)))
     return [
         part
         for part in parts
