@@ -6,7 +6,7 @@ from typing import Annotated, Any
 from pydantic import PlainValidator, SerializeAsAny
 
 from col3d.checks import OptionError
-from col3d.refusals import checked
+from col3d.refusals import validated
 from col3d.registry import CALLBACKS
 from col3d.schema import Options, check_names
 
@@ -40,8 +40,7 @@ def _entry(name: str, given: Any) -> CallbackEntry:
     part = CALLBACKS[content["callback"]]
     kind = part.options(CallbackEntry)
     check_names(place, content, kind)
-    checked(kind, content, place)
-    entry = kind.model_validate(content)
+    entry = validated(kind, content, place)
     assert isinstance(entry, CallbackEntry)
     _try(place, entry)
     return entry
@@ -61,7 +60,7 @@ def _try(place: str, entry: CallbackEntry) -> None:
 
 def own_options(entry: CallbackEntry) -> dict[str, Any]:
     """Those of the callback's class."""
-    return {name: getattr(entry, name) for name in CALLBACKS[entry.callback].parameters()}
+    return CALLBACKS[entry.callback].own(entry)
 
 
 def callbacks_of(entries: Mapping[str, CallbackEntry]) -> list[Any]:

@@ -5,12 +5,11 @@ from importlib.util import find_spec
 from typing import Annotated, Any
 
 from pydantic import PlainValidator, SerializeAsAny
-from pydantic_core import PydanticUndefined
 
 from col3d.checks import OptionError, UserError
-from col3d.refusals import checked
+from col3d.refusals import validated
 from col3d.registry import LOGGERS, Part
-from col3d.schema import Options, check_names, plain
+from col3d.schema import Options, check_names, defaults
 
 ALWAYS = "csv"
 FORBIDDEN_IN_NAMES = set("/\\#?%:")
@@ -36,8 +35,7 @@ def _entry(name: str, given: Any) -> Options:
         raise OptionError(f"{place}: expected options such as {place}.prefix=..., got {given!r}")
     kind = part.options()
     check_names(place, given, kind)
-    checked(kind, given, place)
-    options = kind.model_validate(given)
+    options = validated(kind, given, place)
     project = getattr(options, "project", None)
     if isinstance(project, str) and FORBIDDEN_IN_NAMES & set(project):
         raise OptionError(f"{place}.project: expected a name without / \\ # ? % :, got {project!r}")
@@ -60,11 +58,7 @@ def check_installed(entries: Mapping[str, Options]) -> None:
 
 def node(part: Part) -> dict[str, Any]:
     """What `logger=NAME` brings into a configuration: every option with its default."""
-    options = {
-        name: "???" if default is PydanticUndefined else plain(default)
-        for name, (_, default) in part.parameters().items()
-    }
-    return {part.name: options}
+    return {part.name: defaults(part.parameters())}
 
 
 Loggers = Annotated[dict[str, SerializeAsAny[Options]], PlainValidator(logger_entries)]

@@ -10,7 +10,7 @@ from torch.optim import Optimizer
 from col3d.checks import OptionError
 from col3d.optimisation import OptimizerFactory, layers_of, parameter_groups, scaled_groups
 from col3d.registry import OPTIMIZERS, Part, register_optimizer
-from col3d.schema import NoneWord, Options, plain
+from col3d.schema import NoneWord, Options, defaults
 
 UNFIT = (torch.optim.Optimizer, torch.optim.LBFGS, torch.optim.SparseAdam, torch.optim.Muon)
 """A base, and those that need a closure, sparse gradients or matrices alone."""
@@ -20,8 +20,6 @@ OURS: dict[str, dict[str, Any]] = {
     "sgd": {"lr": 1e-3, "momentum": 0.9},
 }
 """Defaults here that are not those of torch."""
-
-
 OF_ENCODERS = ("decoder_weight_decay", "encoder_lr", "layer_decay")
 """Options that tell the encoder from the rest."""
 
@@ -88,7 +86,7 @@ def check_encoder(options: OptimizerOptions, network: nn.Module) -> None:
 def optimizer_of(options: OptimizerOptions) -> OptimizerFactory:
     """Network -> optimiser of the parameters that learn."""
     part = OPTIMIZERS[options.name]
-    given = {"lr": options.lr, **{name: getattr(options, name) for name in part.parameters()}}
+    given = {"lr": options.lr, **part.own(options)}
     decay = given.pop("weight_decay", None)
 
     def build(network: nn.Module) -> Optimizer:
@@ -111,7 +109,7 @@ def _groups(network: nn.Module, options: OptimizerOptions, decay: float) -> list
 
 def node(part: Part) -> dict[str, Any]:
     """What `optimizer=NAME` brings into a configuration: every option with its default."""
-    usual = {name: plain(default) for name, (_, default) in part.parameters().items()}
+    usual = defaults(part.parameters())
     ours = {"lr": usual.get("lr") or 1e-3, **part.facts["defaults"]}
     return {"name": part.name, **usual, **ours, **dict.fromkeys(OF_ENCODERS, "none")}
 

@@ -50,15 +50,16 @@ def configurations() -> list[Path]:
 
 def code() -> dict[str, str]:
     """A sum over the Python files of each loaded plugin: a version need not change with the code."""
-    found = {}
-    for name, place in _loaded.items():
-        total = hashlib.blake2b(digest_size=8)
-        for path in [place] if place.is_file() else sorted(place.rglob("*.py")):
-            if not path.is_file():  # an editor's lock is a link to nowhere
-                continue
+    return {name: code_sum(place) for name, place in _loaded.items()}
+
+
+def code_sum(place: Path) -> str:
+    """Of all Python files in a folder, or of the one that is named."""
+    total = hashlib.blake2b(digest_size=8)
+    for path in [place] if place.is_file() else sorted(place.rglob("*.py")):
+        if path.is_file():  # an editor's lock is a link to nowhere
             total.update(f"{path.relative_to(place).as_posix()}\0".encode() + path.read_bytes())
-        found[name] = total.hexdigest()
-    return found
+    return total.hexdigest()
 
 
 def versions() -> dict[str, str]:

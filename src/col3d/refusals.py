@@ -27,16 +27,25 @@ def check_options(options: type[OptionsType], given: Mapping[str, Any]) -> Optio
         raise UserError(_lines(options, error)) from None
 
 
+def validated(options: type[OptionsType], given: Mapping[str, Any], group: str) -> OptionsType:
+    """The options of a group, checked.
+
+    Raises:
+        OptionError: one line for each that breaks a rule.
+    """
+    try:
+        return options.model_validate(given)
+    except ValidationError as error:
+        raise OptionError(_lines(options, error, group)) from None
+
+
 def checked(options: type[BaseModel], given: Mapping[str, Any], group: str) -> dict[str, Any]:
     """Keyword arguments as the options of a group convert them.
 
     Raises:
         OptionError: one line for each that breaks a rule.
     """
-    try:
-        values = options.model_validate(given)
-    except ValidationError as error:
-        raise OptionError(_lines(options, error, group)) from None
+    values = validated(options, given, group)
     return {name: getattr(values, name) for name in given}
 
 

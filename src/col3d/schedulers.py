@@ -8,14 +8,13 @@ from typing import Annotated, Any, Literal
 
 import torch.optim.lr_scheduler
 from pydantic import Field, PositiveInt, create_model
-from pydantic_core import PydanticUndefined
 from torch.optim import Optimizer
 from torch.optim.lr_scheduler import LRScheduler, ReduceLROnPlateau
 
 from col3d.checks import OptionError
 from col3d.optimisation import SchedulerFactory, TrainingLength, polynomial_decay, step_decay
 from col3d.registry import COUNTS, SCHEDULERS, Part, register_scheduler
-from col3d.schema import NoneWord, Options, check_names, plain
+from col3d.schema import NoneWord, Options, check_names, defaults
 
 UNFIT = ("LRScheduler", "_LRScheduler", "LambdaLR", "MultiplicativeLR", "SequentialLR", "ChainedScheduler")
 """Bases, and those that are made of functions or of other schedules."""
@@ -116,7 +115,7 @@ def scheduler_of(options: SchedulerOptions) -> SchedulerFactory:
     """(optimiser, steps, epochs) -> schedule, with what is not given taken from the training."""
     part = SCHEDULERS[options.name]
     takes = signature(part.build).parameters
-    own = {name: getattr(options, name) for name in part.parameters()}
+    own = part.own(options)
 
     def build(optimizer: Optimizer, steps: int, epochs: int) -> LRScheduler | None:
         given = {**own, **_lengths(options, own, steps, epochs)}
@@ -168,12 +167,8 @@ def try_schedule(options: SchedulerOptions, optimizer: Optimizer, epochs: int) -
 
 def node(part: Part) -> dict[str, Any]:
     """What `scheduler=NAME` brings into a configuration: every option with its default."""
-    own = {
-        name: "???" if default is PydanticUndefined else plain(default)
-        for name, (_, default) in part.parameters().items()
-    }
     base = {name: field.default for name, field in _base(part).model_fields.items() if name != "name"}
-    return {"name": part.name, **own, **base}
+    return {"name": part.name, **defaults(part.parameters()), **base}
 
 
 def _register_all() -> None:

@@ -243,11 +243,11 @@ def _at_hand(
     source: SourceOptions, phantom: PhantomOptions, part: str, named: Sequence[str], present: Sequence[str]
 ) -> list[str]:
     """Entries of the split, without those of missing videos where that is allowed."""
-    frames = frame_set(source, phantom, []) if Path(source.root).is_dir() else None
-    for entry in named if frames is not None else ():
-        assert frames is not None
-        if reason := frames.unreachable(selection_of_any_video(entry, present).video):
-            raise DataError(reason)
+    if Path(source.root).is_dir():
+        frames = frame_set(source, phantom, [])
+        for entry in named:
+            if reason := frames.unreachable(selection_of_any_video(entry, present).video):
+                raise DataError(reason)
     videos = {entry: parse_selection(entry, present).video for entry in named}
     missing = list(dict.fromkeys(video for video in videos.values() if video not in present))
     if missing and not source.allow_missing:

@@ -1,12 +1,13 @@
 """Where a result comes from: the command that made it, and the version of the code."""
 
-import hashlib
 import shlex
 import subprocess
 import sys
 from collections.abc import Sequence
 from importlib.metadata import distribution, entry_points, packages_distributions, version
 from pathlib import Path
+
+from col3d.plugins import code_sum as package_sum
 
 PACKAGES = ("col3d", "torch", "lightning", "torchmetrics", "timm", "kornia", "numpy")
 
@@ -51,11 +52,7 @@ def plugins() -> dict[str, str]:
 
 def code_sum() -> str:
     """Of all files of this package that can be run, committed or not."""
-    found = hashlib.blake2b(digest_size=8)
-    root = Path(__file__).parents[1]
-    for path in sorted(root.rglob("*.py")):
-        found.update(f"{path.relative_to(root).as_posix()}\0".encode() + path.read_bytes())
-    return found.hexdigest()
+    return package_sum(Path(__file__).parents[1])
 
 
 def provenance() -> dict[str, object]:

@@ -1,9 +1,10 @@
 """What a checkpoint says of its training: the network and its size are checked, the rest where it is used."""
 
+import functools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict
 
@@ -14,6 +15,8 @@ from col3d.data.options import Data, DataOptions, Size
 from col3d.earlier import updated
 from col3d.models.options import ModelOptions
 from col3d.refusals import check_options
+
+Kind = TypeVar("Kind", bound=BaseModel)
 
 
 class _Loose(BaseModel):
@@ -62,7 +65,7 @@ class Trained:
         Raises:
             UserError: they are of another version.
         """
-        return self._checked(_Frames).data
+        return self._frames.data
 
     @property
     def phantom(self) -> PhantomOptions:
@@ -71,7 +74,11 @@ class Trained:
         Raises:
             UserError: as of `data`.
         """
-        return self._checked(_Frames).phantom
+        return self._frames.phantom
+
+    @functools.cached_property
+    def _frames(self) -> _Frames:
+        return _checked(_Frames, self.content, self.checkpoint)
 
     @property
     def trained_on(self) -> tuple[str, ...]:
@@ -89,10 +96,7 @@ class Trained:
         Raises:
             UserError: they are of another version.
         """
-        return self._checked(TrainOptions)
-
-    def _checked(self, kind: type[Any]) -> Any:
-        return _checked(kind, self.content, self.checkpoint)
+        return _checked(TrainOptions, self.content, self.checkpoint)
 
 
 def trained_options(checkpoint: Mapping[str, Any], path: Path) -> Trained:
@@ -119,7 +123,7 @@ def trained_options(checkpoint: Mapping[str, Any], path: Path) -> Trained:
     return Trained(path, content, network.model, (height, width), network.seed)
 
 
-def _checked(kind: type[Any], content: Mapping[str, Any], path: Path) -> Any:
+def _checked(kind: type[Kind], content: Mapping[str, Any], path: Path) -> Kind:
     try:
         return check_options(kind, content)
     except UserError as error:

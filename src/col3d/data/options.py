@@ -61,7 +61,7 @@ class SourceOptions(Options):
     @property
     def own(self) -> dict[str, Any]:
         """Those of the data set's class."""
-        return {name: getattr(self, name) for name in DATASETS[self.name].parameters()}
+        return DATASETS[self.name].own(self)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle what was said: the class is made of a signature, anew in each process."""

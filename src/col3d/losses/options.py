@@ -47,7 +47,7 @@ def term_options(given: Any) -> TermOptions:
 
 def own_options(options: TermOptions) -> dict[str, Any]:
     """Those of the term's function."""
-    return {name: getattr(options, name) for name in LOSSES[options.term].parameters()}
+    return LOSSES[options.term].own(options)
 
 
 Term = Annotated[SerializeAsAny[TermOptions], PlainValidator(term_options)]
@@ -76,8 +76,9 @@ def balance_options(given: Any) -> BalanceOptions | None:
 
 def balancer(options: BalanceOptions | None) -> Any:
     """What they stand for."""
-    part = BALANCERS[USUAL if options is None else options.name]
-    return part.build(**{name: getattr(options, name) for name in part.parameters()})
+    options = options or BalanceOptions(name=USUAL)
+    part = BALANCERS[options.name]
+    return part.build(**part.own(options))
 
 
 def balance_node(part: Part) -> dict[str, Any]:
@@ -93,7 +94,7 @@ class LossOptions(Options):
 
     lambdas: list[Weight]
     terms: Annotated[dict[str, Term], Field(min_length=1)]
-    balance: Balance | None = None
+    balance: Balance = None
 
     def needing(self, task: str) -> list[str]:
         """Names of the terms that need what a network predicts."""

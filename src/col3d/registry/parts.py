@@ -65,6 +65,10 @@ class Part:
         """Its options: annotation and default, by name."""
         return parameters(self.build, self.supplied)
 
+    def own(self, options: Options) -> dict[str, Any]:
+        """Those among checked options that are its own, and not of every part of its kind."""
+        return {name: getattr(options, name) for name in self.parameters()}
+
     @functools.cache  # noqa: B019 - parts live as long as the program
     def options(self, base: type[Options] = Options) -> type[Options]:
         """Its options as a pydantic model, on top of those of `base`."""
@@ -167,11 +171,15 @@ class Registry:
             f"{', '.join(self.names())}"
         )
 
-    def names(self, everything: bool = True) -> list[str]:
-        """All names, those of this package first; or those alone that are known without further imports."""
+    def load(self, everything: bool = True) -> None:
+        """Import the parts of this package, or those alone of its first module, and those of plugins."""
         plugins.load()
         for home in self.homes if everything else self.homes[:1]:
             importlib.import_module(home)
+
+    def names(self, everything: bool = True) -> list[str]:
+        """All names, those of this package first; or those alone that are known without further imports."""
+        self.load(everything)
         return sorted(self.parts, key=lambda name: (self.parts[name].package != "col3d", name))
 
     def node(self, part: Part, group: str) -> dict[str, Any]:
