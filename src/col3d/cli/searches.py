@@ -10,7 +10,7 @@ from col3d.reports.jobs import read_sweep
 FILE = "sqlite:///"
 
 
-def simplex(u: float, v: float) -> list[float]:
+def simplex(u: float | int, v: float | int) -> list[float]:
     """Three weights that add up to 1; a uniform point of the unit square gives every weighting alike.
 
     >>> simplex(0.25, 0.5)

@@ -148,7 +148,7 @@ def test_a_truncated_array_is_found_at_opening(make: Make, name: str) -> None:
     path = stored.folder / f"{name}.npy"
     path.write_bytes(path.read_bytes()[:-1])
     with pytest.raises(
-        DataError, match=rf"{name}\.npy: a store's array has \d+ bytes instead of \d+; run prep"
+        DataError, match=rf"{name}\.npy: a store's array has \d+ bytes instead of \d+; run col3d prep"
     ):
         stored_frames(stored)
 
