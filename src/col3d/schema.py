@@ -204,7 +204,9 @@ def is_group(annotation: Any) -> bool:
 
 
 def plain(value: Any) -> Any:
-    """A default as YAML has it: tuples as lists, paths as text."""
+    """A default as YAML has it: tuples as lists, paths as text, options as a mapping."""
+    if isinstance(value, BaseModel):
+        value = value.model_dump()
     if isinstance(value, Mapping):
         return {str(key): plain(inner) for key, inner in value.items()}
     if isinstance(value, list | tuple):

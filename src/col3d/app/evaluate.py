@@ -33,6 +33,7 @@ from col3d.owned import Owned
 from col3d.refusals import check_options
 from col3d.reports.predictions import StoredPredictions, owned_predictions, read_facts
 from col3d.reports.run_page import PAGE, write_run_page
+from col3d.schema import plain
 
 KIND = "evaluation"
 FILES = ("summary.json", "per_frame.csv", PAGE)
@@ -129,7 +130,7 @@ def _facts(
     return {
         "max_depth": subject.max_depth,
         "checkpoint": [options.checkpoint, file.st_size, file.st_mtime_ns],
-        "data": [data.name, str(Path(data.root).absolute()), data.own, data.size],
+        "data": [data.name, str(Path(data.root).absolute()), plain(data.own), data.size],
         "split": [options.split, list(getattr(data.split, options.split)), len(frames)],
         "mirror": mirror,
         "files": part_state(data, subject.phantom, options.split),

@@ -130,6 +130,7 @@ def _show_pictures(logger: Logger, paths: Sequence[Path]) -> None:
         logger.log_image("panels", [str(path) for path in paths])
     for path in paths:
         if isinstance(logger, TensorBoardLogger):
-            logger.experiment.add_image(f"panels/{path.stem}", np.array(Image.open(path)), dataformats="HWC")
+            picture = np.array(Image.open(path, formats=["PNG"]))
+            logger.experiment.add_image(f"panels/{path.stem}", picture, dataformats="HWC")
         elif isinstance(logger, MLFlowLogger):
             logger.experiment.log_artifact(logger.run_id, str(path), "panels")
