@@ -9,8 +9,8 @@ import torch
 
 from benchmarks.published_loader import PublishedLoader
 from benchmarks.timing import interleaved
-from col3d.data.files import read_grey, read_rgb
-from col3d.data.frames import FrameSet
+from col3d.data.datasets.frame_set import FrameSet
+from col3d.data.files.image_files import read_grey, read_rgb
 from col3d.data.sized import Resized
 
 FRAMES = 8

@@ -7,12 +7,12 @@ from dataclasses import replace
 from itertools import cycle, islice
 from pathlib import Path
 
-from col3d.checks import DataError
-from col3d.data.c3vd import C3VD, C3VDv2
-from col3d.data.frames import FrameSet
-from col3d.data.phantom import PhantomSettings, phantom_camera, render_phantom
+from col3d.data.cache import Recipe, StoredVideo, read_video, write_video
+from col3d.data.datasets.c3vd import C3VD, C3VDv2
+from col3d.data.datasets.frame_set import FrameSet
 from col3d.data.sized import Resized
-from col3d.data.store import Recipe, StoredVideo, read_video, write_video
+from col3d.errors import DataError
+from col3d.phantom import PhantomSettings, phantom_camera, render_phantom
 
 PHANTOM_VIDEOS = ("cecum_t1_a", "trans_t1_a")
 READERS = {"c3vd": C3VD, "c3vdv2": C3VDv2}

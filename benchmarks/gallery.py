@@ -10,10 +10,10 @@ import cv2
 import matplotlib as mpl
 import numpy as np
 
-from col3d.data.phantom import PARTS, PhantomSettings
-from col3d.data.phantom.render import FULL_CODE, MAX_FLOW, Frame
-from col3d.data.phantom.write import scene_of
-from col3d.data.videos import seeded_videos
+from col3d.data.datasets.videos import seeded_videos
+from col3d.phantom import PARTS, PhantomSettings
+from col3d.phantom.render import FULL_CODE, MAX_FLOW, Frame
+from col3d.phantom.write import scene_of
 
 mpl.use("agg")
 from matplotlib import pyplot as plt

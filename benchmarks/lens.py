@@ -18,13 +18,13 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from col3d.checks import DataError
-from col3d.data.c3vd import C3VD
-from col3d.data.frames import everywhere
-from col3d.data.release import disagreement
-from col3d.data.verify.decode import read_whole
-from col3d.data.verify.lens import readings_of
-from col3d.data.verify.reproject import reproject, surface_error
+from col3d.data.checks.decode import read_whole
+from col3d.data.checks.lens import readings_of
+from col3d.data.checks.reproject import reproject, surface_error
+from col3d.data.datasets.c3vd import C3VD
+from col3d.data.datasets.frame_set import everywhere
+from col3d.data.datasets.release import disagreement
+from col3d.errors import DataError
 from col3d.geometry import Camera, PinholeCamera
 
 Pair = tuple[int, int]

@@ -13,11 +13,11 @@ from benchmarks.bare_copy import BareCopy
 from benchmarks.published_loader import PublishedLoader
 from benchmarks.timing import Work, interleaved, rates
 from col3d.batch import Batch
-from col3d.data.codes import Codes, decode
-from col3d.data.datamodule import FrameDataModule, as_it_is
-from col3d.data.frames import FrameSet
+from col3d.data.cache import Stored, StoredVideo
+from col3d.data.cache.codes import QuantizedBatch, decode
+from col3d.data.datamodule import FrameDataModule, identity_collate
+from col3d.data.datasets.frame_set import FrameSet
 from col3d.data.sized import Resized, SizedFrames
-from col3d.data.store import Stored, StoredVideo
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def loading_speeds(
         "raw": (len(resized), partial(_load, from_files)),
         "raw, decoded": (len(resized), partial(_decode, from_files, resized, loading.device)),
         "stand-in": (len(stand_in), partial(_load, _plain_loader(stand_in, loading))),
-        "copy": (len(bare), partial(_load, _plain_loader(bare, loading, as_it_is))),
+        "copy": (len(bare), partial(_load, _plain_loader(bare, loading, identity_collate))),
         "copy, no loader": (len(bare), partial(_copy_here, bare)),
     }
     seconds = interleaved({name: epoch for name, (_, epoch) in epochs.items()}, repeats)
@@ -63,7 +63,7 @@ def house_loader(frames: SizedFrames, loading: Loading) -> DataLoader[Any]:
     return FrameDataModule({"train": frames}, loading.batch_size, loading.workers).train_dataloader()
 
 
-def on_device(codes: Codes, device: torch.device) -> Codes:
+def on_device(codes: QuantizedBatch, device: torch.device) -> QuantizedBatch:
     """Codes where they are decoded."""
     tensors = {key: value for key, value in codes.items() if isinstance(value, Tensor)}
     return codes | {key: value.to(device, non_blocking=True) for key, value in tensors.items()}  # type: ignore[return-value]

@@ -8,8 +8,8 @@ from benchmarks.report import Row, row
 from benchmarks.timing import ratios
 from benchmarks.training_step import STEP, laptop_options, step_costs
 from benchmarks.worker_memory import Memory, worker_memory
-from col3d.data.frames import FrameSet
-from col3d.data.store import StoredVideo
+from col3d.data.cache import StoredVideo
+from col3d.data.datasets.frame_set import FrameSet
 
 PAIRS = {
     ("store", "stand-in"): {"at_least": 50.0},

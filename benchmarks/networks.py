@@ -14,9 +14,9 @@ from benchmarks.report import Row, row, times
 from benchmarks.timing import Work, interleaved, ratios
 from benchmarks.twins.col3d import PublishedCol3D
 from benchmarks.twins.newcrfs import PublishedNeWCRFs
-from col3d.app.compiled import compile_network
 from col3d.batch import Batch, Prediction
 from col3d.geometry import OmnidirectionalCamera, normals_from_depth
+from col3d.inference.compiled import compile_network
 from col3d.layers.network import DepthNetwork
 from col3d.losses import WeightedLoss
 from col3d.models import create

@@ -1,8 +1,8 @@
 """Options of trainings as the command line composes them."""
 
-from col3d.app.config import TrainOptions
 from col3d.cli.program import composed
-from col3d.refusals import check_options
+from col3d.registry.refusals import check_options
+from col3d.training.options import TrainOptions
 
 
 def train_options(*overrides: str) -> TrainOptions:

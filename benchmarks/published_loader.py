@@ -17,8 +17,8 @@ from torch.utils.data import Dataset
 from torchvision.transforms import InterpolationMode
 from torchvision.transforms import functional as transform
 
-from col3d.data.frames import FrameSet
-from col3d.formats import IMAGE_FORMATS
+from col3d.data.datasets.frame_set import FrameSet
+from col3d.io.formats import IMAGE_FORMATS
 
 MAX_CODE = 65535
 MEAN, STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)

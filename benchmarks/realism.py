@@ -18,11 +18,11 @@ import cv2
 import matplotlib as mpl
 import numpy as np
 
-from col3d.checks import DataError
-from col3d.data.c3vd import C3VD
-from col3d.data.octagon import octagon_mask
-from col3d.data.phantom import PhantomSettings, phantom_camera
+from col3d.data.datasets.c3vd import C3VD
+from col3d.data.datasets.octagon import octagon_mask
 from col3d.data.sized import Resized
+from col3d.errors import DataError
+from col3d.phantom import PhantomSettings, phantom_camera
 
 mpl.use("agg")
 from matplotlib import pyplot as plt

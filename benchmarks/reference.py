@@ -16,7 +16,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from col3d.checks import DataError
+from col3d.errors import DataError
 
 VARIABLE = "COL3D_PARITY"
 FILES = {

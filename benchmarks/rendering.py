@@ -12,8 +12,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from col3d.data.phantom import PhantomSettings, render_phantom
-from col3d.data.phantom.write import render_video
+from col3d.phantom import PhantomSettings, render_phantom
+from col3d.phantom.write import render_video
 
 SIZES = {"a quarter, 270 x 338": ((270, 338), 100), "full, 1080 x 1350": ((1080, 1350), 16)}
 """Sizes, and frames of each of two videos."""

@@ -14,8 +14,8 @@ import torch
 from rich.table import Table
 
 from benchmarks.timing import Spread, spread_of
-from col3d.app.provenance import commit, versions
 from col3d.reports.screen import plain_console
+from col3d.runs.provenance import commit, versions
 
 WIDTH = 100
 TOLERANCE = 0.15

@@ -14,7 +14,7 @@ from benchmarks.networks import Case, network_rows, smallest
 from benchmarks.pieces import piece_rows
 from benchmarks.report import Row, ratios_of, regressions, show, write
 from benchmarks.startup import startup_rows
-from col3d.checks import DataError
+from col3d.errors import DataError
 
 BASELINE = Path(__file__).with_name("baseline.json")
 PARTS = ("data", "floors", "networks", "metrics", "geometry", "pieces", "startup")

@@ -7,12 +7,12 @@ import torch
 from benchmarks.loading import house_batch, wait_for
 from benchmarks.options import train_options
 from benchmarks.timing import Work, interleaved
-from col3d.app import build
-from col3d.app.config import TrainOptions
 from col3d.batch import Batch
-from col3d.data.frames import FrameSet
+from col3d.data.datasets.frame_set import FrameSet
 from col3d.data.sized import Resized
 from col3d.data.transforms import Augment
+from col3d.training.build import build_task
+from col3d.training.options import TrainOptions
 
 STEP = "step without augmentation"
 AUGMENTS = {
@@ -41,7 +41,7 @@ def step_costs(
 
 def training_step(options: TrainOptions, batch: Batch, device: torch.device) -> Work:
     """Forward, losses, backward and optimiser on one batch."""
-    task = build.task(options).to(device)
+    task = build_task(options).to(device)
     assert task.optimizer is not None
     assert task.loss is not None
     network, losses, optimizer = task.network, task.loss, task.optimizer(task.network)

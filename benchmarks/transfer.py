@@ -17,11 +17,11 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from col3d.app.learnt import learnt
 from col3d.batch import Batch, Prediction
-from col3d.checks import DataError, UserError
-from col3d.data.c3vd import C3VD
+from col3d.data.datasets.c3vd import C3VD
 from col3d.data.sized import Resized
+from col3d.errors import DataError, UserError
+from col3d.inference.predictor import load_predictor
 from col3d.metrics.protocol import Protocol
 
 SIZE = (128, 160)
@@ -82,7 +82,7 @@ def guessed(frames: Resized, guess: Guess) -> list[Guessed]:
 
 def network(path: Path) -> Guess:
     """That of a checkpoint; it sees the frames as it did in training."""
-    known = learnt(path)
+    known = load_predictor(path)
     if known.size_hw != SIZE or known.network.needs_rays:
         raise UserError(f"{path}: expected a network of images alone at {SIZE}, got one at {known.size_hw}")
 

@@ -7,8 +7,8 @@ from typing import Any
 
 from torch.utils.data import DataLoader, Dataset
 
-from col3d.data.datamodule import InCodes, as_it_is
-from col3d.data.store import Stored, StoredVideo
+from col3d.data.cache import Stored, StoredVideo
+from col3d.data.datamodule import QuantizedDataset, identity_collate
 
 STATUS = Path("/proc/self/status")
 KEPT, MOST = "VmRSS", "VmHWM"
@@ -39,7 +39,7 @@ class Weighed(Dataset[dict[str, Any]]):
     """Batches of codes, each with the memory of the process that loaded it."""
 
     def __init__(self, stored: Stored) -> None:
-        self.coded = InCodes(stored, stored.cameras)
+        self.coded = QuantizedDataset(stored, stored.cameras)
 
     def __len__(self) -> int:
         return len(self.coded)
@@ -60,7 +60,7 @@ def worker_memory(videos: Sequence[StoredVideo], batch_size: int) -> Memory | No
     if not STATUS.is_file():
         return None
     stored = Stored([(video, video.frames) for video in videos])
-    loader = DataLoader(Weighed(stored), batch_size, shuffle=True, num_workers=1, collate_fn=as_it_is)
+    loader = DataLoader(Weighed(stored), batch_size, shuffle=True, num_workers=1, collate_fn=identity_collate)
     seen = [(batch[KEPT], batch[MOST]) for batch in loader]
     ends = [max(1, len(seen) * part // PARTS) - 1 for part in range(1, PARTS + 1)]
     read = sum(shard.bytes for video in videos for shard in video.shards.values())

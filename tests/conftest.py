@@ -14,27 +14,27 @@ from torch import Tensor
 
 pytest.register_assert_rewrite("laws", "small", "parity", "tiny_run", "tiny_task", "fake_runs")
 
-Seen = tuple[np.ndarray, np.ndarray]
+View = tuple[np.ndarray, np.ndarray]
 """Distance along each unit ray and normal (not yet turned to the camera), of rays (n, 3)."""
 
 
-def plane(rays: np.ndarray) -> Seen:
+def plane(rays: np.ndarray) -> View:
     normal, point = np.array([0.36, -0.48, -0.8]), np.array([0.0, 0.0, 60.0])
     return normal @ point / (rays @ normal), np.broadcast_to(normal, rays.shape)
 
 
-def frontal(rays: np.ndarray) -> Seen:
+def frontal(rays: np.ndarray) -> View:
     return 50.0 / rays[:, 2], np.broadcast_to(np.array([0.0, 0.0, -1.0]), rays.shape)
 
 
-def sphere(rays: np.ndarray) -> Seen:
+def sphere(rays: np.ndarray) -> View:
     centre, radius = np.array([3.0, -4.0, 5.0]), 30.0
     along = rays @ centre
     distance = along + np.sqrt(along**2 - centre @ centre + radius**2)
     return distance, (centre - distance[:, None] * rays) / radius
 
 
-def tube(rays: np.ndarray) -> Seen:
+def tube(rays: np.ndarray) -> View:
     """A bent-away pipe: the camera is inside and sees its far end out of the picture."""
     axis = np.array([0.7, 0.3, 0.65])
     axis, inside, radius = axis / np.linalg.norm(axis), np.array([2.0, 5.0, 1.0]), 20.0

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from col3d.batch import check_prediction
-from col3d.checks import UserError
+from col3d.errors import UserError
 
 IMAGE, DEPTH, NORMALS = torch.zeros(2, 3, 4, 6), torch.ones(2, 1, 4, 6), torch.ones(2, 3, 4, 6)
 

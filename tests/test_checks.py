@@ -2,7 +2,7 @@
 
 import pytest
 
-from col3d.checks import DataError, check_known, nearest_name
+from col3d.errors import DataError, check_known, nearest_name
 
 NAMES = ("bts", "bts_cbam", "newcrfs")
 

@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
-from col3d.earlier import updated
 from col3d.losses import WeightedLoss
+from col3d.registry.earlier import updated
 
 GIVEN: dict[str, Any] = {
     "silog": {"depth": "silog", "lambdas": [1.0]},

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from col3d.checks import DataError
-from col3d.data.decode import read_whole
-from col3d.data.files import check_header
-from col3d.data.images import image_source, read_image
-from col3d.demo.uploads import read_clip, read_photo
-from col3d.formats import open_video
+from col3d.data.files.decode import read_whole
+from col3d.data.files.image_files import check_header
+from col3d.data.files.images import image_source, read_image
+from col3d.errors import DataError
+from col3d.inference.demo.uploads import read_clip, read_photo
+from col3d.io.formats import open_video
 
 PROJECT = Path(__file__).parents[1]
 FOREIGN = (
@@ -79,7 +79,7 @@ def test_every_image_is_opened_with_its_formats() -> None:
 
 
 def test_every_video_is_opened_in_one_place() -> None:
-    assert {place.partition(":")[0] for place, _ in calls("VideoCapture")} == {"src/col3d/formats.py"}
+    assert {place.partition(":")[0] for place, _ in calls("VideoCapture")} == {"src/col3d/io/formats.py"}
 
 
 @pytest.mark.parametrize("kind", FOREIGN)

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from col3d import plugins
-from col3d.checks import OptionError
+from col3d.errors import OptionError
+from col3d.registry import plugins
 
 
 @pytest.fixture

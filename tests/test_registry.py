@@ -9,11 +9,11 @@ import pytest
 from pydantic import Field, ValidationError
 from torch import nn
 
-from col3d.checks import OptionError
+from col3d.errors import OptionError
 from col3d.models import create
 from col3d.models.options import ModelOptions, model_options, node
 from col3d.registry import KINDS, MODELS, Part, Registry, available, describe
-from col3d.schema import Options, SignatureError, options_of, parameters
+from col3d.registry.schema import Options, SignatureError, options_of, parameters
 
 
 class Net(nn.Module):

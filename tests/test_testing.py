@@ -6,11 +6,11 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from col3d.data.c3vd import C3VD
-from col3d.data.phantom import PhantomSettings, phantom_camera, render_phantom
+from col3d.data.datasets.c3vd import C3VD
 from col3d.losses import WeightedLoss
 from col3d.metrics.functional import depth_metrics, normal_metrics
 from col3d.models import create
+from col3d.phantom import PhantomSettings, phantom_camera, render_phantom
 from col3d.registry import LOSSES, available
 from col3d.testing import check_dataset, check_loss, check_metric, check_network, scene
 

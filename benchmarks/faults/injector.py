@@ -74,14 +74,14 @@ class Injector:
 
 
 def _commands() -> Mapping[str, Callable[[Any], Any]]:
-    from col3d.app.evaluate import evaluate
-    from col3d.app.export import export
-    from col3d.app.fuse import fuse
-    from col3d.app.predict import predict
-    from col3d.app.prepare import prepare
-    from col3d.app.train import train
+    from col3d.data.cache.prepare import prepare
+    from col3d.evaluation.evaluate import evaluate
+    from col3d.inference.export.export import export
+    from col3d.inference.fusion.fuse import fuse
+    from col3d.inference.predict import predict
     from col3d.reports import figures, run_page
     from col3d.reports.__main__ import main
+    from col3d.training.train import train
 
     if find_spec("open3d"):
         import_module("open3d")

@@ -23,8 +23,8 @@ import torch
 from benchmarks.gpu.results import Results
 from benchmarks.gpu.setting import Setting, smallest
 from benchmarks.gpu.stages import GROUPS, run_stages, stages
-from col3d.app.provenance import commit
-from col3d.checks import DataError
+from col3d.errors import DataError
+from col3d.runs.provenance import commit
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -13,7 +13,7 @@ from benchmarks.gpu.setting import BFLOAT16, FLOAT32, MS, TF32, Mode, Setting
 from benchmarks.gpu.speed import Key, forward_seconds, step_seconds
 from benchmarks.networks import batch_of
 from benchmarks.timing import ratios
-from col3d.app.compiled import compile_network
+from col3d.inference.compiled import compile_network
 from col3d.layers.network import DepthNetwork
 
 NETWORK = "col3d_mtl"

@@ -16,8 +16,8 @@ from benchmarks.gpu.setting import BFLOAT16, Setting
 from benchmarks.loading import Loading, house_loader, on_device, wait_for
 from benchmarks.networks import batch_of
 from benchmarks.timing import Work, interleaved, ratios
-from col3d.data.codes import Codes, decode
-from col3d.data.store import Stored
+from col3d.data.cache import Stored
+from col3d.data.cache.codes import QuantizedBatch, decode
 from col3d.data.transforms import Augment
 
 NETWORK = "col3d_mtl"
@@ -58,7 +58,7 @@ class Epoch:
         if step:
             self.waits.append(waited)
 
-    def take(self, codes: Codes, step: bool) -> None:
+    def take(self, codes: QuantizedBatch, step: bool) -> None:
         """One batch as it comes from the loader."""
         decoded = decode(on_device(codes, self.setting.device), self.stored.cameras)
         batch = Augment()(decoded, seed=0, epoch=0)

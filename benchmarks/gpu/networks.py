@@ -14,13 +14,12 @@ from benchmarks.memory import peak_bytes
 from benchmarks.options import train_options
 from benchmarks.twins.col3d import PublishedCol3D
 from benchmarks.twins.newcrfs import PublishedNeWCRFs
-from col3d.app import build
-from col3d.app.config import TrainOptions
 from col3d.batch import Batch, Prediction
 from col3d.layers.network import DepthNetwork
 from col3d.losses import WeightedLoss
 from col3d.models import create
-from col3d.optimizers import optimizer_of
+from col3d.training.optimizers import optimizer_of
+from col3d.training.options import TrainOptions
 
 TWINS = ("col3d_mtl", "newcrfs")
 TWIN = "published code"

@@ -14,7 +14,7 @@ import torch
 from benchmarks.gpu.parity import SOURCES, parity
 from benchmarks.gpu.results import STAGES, Record, Results
 from benchmarks.gpu.setting import NAMES, Setting
-from col3d.checks import DataError
+from col3d.errors import DataError
 
 GROUPS = ("parity", "speed", "inside", "loader", "compiled")
 NOT_RUN = "not run"

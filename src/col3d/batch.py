@@ -10,7 +10,7 @@ from typing import NotRequired, TypedDict
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from col3d.checks import UserError
+from col3d.errors import UserError
 
 
 class Batch(TypedDict):

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor, nn
 
 from col3d.batch import Batch, Prediction
-from col3d.data.frames import FrameSet
+from col3d.data.datasets.frame_set import FrameSet
 from col3d.geometry import Camera, OmnidirectionalCamera, normals_from_depth
 
 JUNK = 1e6

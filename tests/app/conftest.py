@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 from tiny_run import SMALL, TINY, composed
 
-from col3d.app.train import train
-from col3d.data.phantom import PhantomSettings, render_phantom
+from col3d.phantom import PhantomSettings, render_phantom
+from col3d.training.train import train
 
 
 @pytest.fixture(scope="session")

@@ -57,7 +57,7 @@ class Nursery:
 
 
 def _main(log: str) -> None:
-    from col3d.app.train import train
+    from col3d.training.train import train
 
     for line in sys.stdin:
         process = os.fork()

@@ -12,7 +12,7 @@ from torch import Tensor
 sys.path.insert(0, str(Path(__file__).parents[1] / "models"))
 from small import small
 
-from col3d.app.traced import sample, traced
+from col3d.inference.export.traced import sample, traced
 from col3d.layers.network import DepthNetwork
 from col3d.layers.normal_decoder import Features
 from col3d.layers.window_attention import WindowBlock

@@ -12,12 +12,12 @@ import pytest
 from programs import PROJECT, call
 from tiny_run import SMALL, TINY, composed
 
-from col3d.app import benchmark as running
-from col3d.app.benchmark import Job, distinct, make_job, run_benchmark
-from col3d.app.identity import hash_of
-from col3d.callbacks import Stopped
-from col3d.checks import UserError
 from col3d.cli.sweeps import sweep_of
+from col3d.errors import UserError
+from col3d.runs.identity import hash_of
+from col3d.signals import Stopped
+from col3d.training import benchmark as running
+from col3d.training.benchmark import Job, distinct, make_job, run_benchmark
 
 Compose = Callable[..., dict[str, Any]]
 

@@ -13,11 +13,11 @@ from programs import call
 from test_resume import assert_the_same, options, status_of, stopped_in
 from tiny_run import TINY, composed
 
-from col3d.app.evaluate import evaluate
-from col3d.app.train import train
-from col3d.callback_options import callback_entries, callbacks_of
-from col3d.checks import OptionError, UserError
+from col3d.errors import OptionError, UserError
+from col3d.evaluation.evaluate import evaluate
 from col3d.registry import CALLBACKS, available, register_callback
+from col3d.training.callback_options import callback_entries, callbacks_of
+from col3d.training.train import train
 
 Compose = Callable[..., dict[str, Any]]
 SELDOM = "callbacks.checkpoint_minutes=60"

@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 import torch
 
-from col3d.app.cameras import camera_at, lens_of, outside_image, view_of
-from col3d.checks import DataError, UserError
-from col3d.data.octagon import octagon_mask
+from col3d.data.datasets.octagon import octagon_mask
+from col3d.errors import DataError, UserError
 from col3d.geometry import FisheyeCamera, PinholeCamera, RadialTangentialCamera
+from col3d.inference.cameras import camera_at, lens_of, outside_image, view_of
 
 FISHEYE = {"model": "FISHEYE_OPENCV", "h": 96, "w": 128, "fx": 75.0, "fy": 75.0, "cx": 63.5, "cy": 47.5}
 FISHEYE |= {"k1": -0.19, "k2": -0.004, "k3": 0.03, "k4": -0.013}

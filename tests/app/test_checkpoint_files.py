@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import torch
 
-from col3d.app.checkpoints import CheckpointFiles, DamagedError, read_checkpoint
-from col3d.checks import UserError
+from col3d.errors import UserError
+from col3d.runs.checkpoints import CheckpointFiles, DamagedError, read_checkpoint
 
 
 def content(value: float) -> dict[str, Any]:

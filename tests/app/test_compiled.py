@@ -7,7 +7,7 @@ import pytest
 import torch
 from torch import nn
 
-from col3d.app.compiled import compile_network
+from col3d.inference.compiled import compile_network
 
 
 @pytest.mark.skipif(not shutil.which("c++"), reason="no C++ compiler")

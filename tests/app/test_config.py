@@ -5,23 +5,21 @@ import pytest
 from omegaconf.errors import InterpolationResolutionError
 from tiny_run import composed
 
-from col3d.app.config import (
-    EvaluateOptions,
-    PrepareOptions,
-    TrainOptions,
-)
-from col3d.app.scored import Scored
-from col3d.checks import UserError
 from col3d.cli.files import CONF
-from col3d.data.datasets import LayoutOptions
+from col3d.data.cache.options import PrepareOptions
+from col3d.data.datasets.registered import LayoutOptions
 from col3d.data.options import AugmentOptions
 from col3d.data.splits import paper_split
+from col3d.errors import UserError
+from col3d.evaluation.options import EvaluateOptions
+from col3d.evaluation.scored_part import Scored
 from col3d.losses.options import LossOptions
 from col3d.models.options import ModelOptions
-from col3d.optimizers import OptimizerOptions
-from col3d.refusals import check_options
 from col3d.registry import available
-from col3d.schedulers import SchedulerOptions
+from col3d.registry.refusals import check_options
+from col3d.training.optimizers import OptimizerOptions
+from col3d.training.options import TrainOptions
+from col3d.training.schedulers import SchedulerOptions
 
 GROUPS = sorted(
     path.name for path in CONF.iterdir() if path.is_dir() and path.name not in ("data", "experiment")

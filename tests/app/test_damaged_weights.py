@@ -14,18 +14,19 @@ from tiny_run import SMALL, composed
 from torch import Tensor
 
 from col3d import weights
-from col3d.app import learnt as learning
-from col3d.app.evaluate import evaluate
-from col3d.app.export import export
-from col3d.app.fuse import fuse
-from col3d.app.learnt import SHIPPED, learnt, published_network
-from col3d.app.predict import predict
-from col3d.app.train import train
-from col3d.checks import UserError
-from col3d.demo.answer import answer
+from col3d.errors import UserError
+from col3d.evaluation.evaluate import evaluate
+from col3d.inference import predictor as learning
+from col3d.inference.demo.answer import answer
+from col3d.inference.export.export import export
+from col3d.inference.fusion.fuse import fuse
+from col3d.inference.predict import predict
+from col3d.inference.predictor import load_predictor
+from col3d.inference.trained_network import SHIPPED, published_network
+from col3d.io.predictions import PredictionWriter
 from col3d.layers.encoder import Encoder
-from col3d.reports.predictions import PredictionWriter
-from col3d.tasks import SupervisedTask
+from col3d.training.tasks import SupervisedTask
+from col3d.training.train import train
 
 Compose = Callable[..., dict[str, Any]]
 BITS = 60
@@ -43,7 +44,7 @@ def readers(checkpoint: Path, root: Path, out: Path) -> Iterator[Callable[[], An
     yield lambda: export(composed("export", given[0], f"output={out / 'exported.ckpt'}"))
     yield lambda: export(composed("export", given[0], f"output={out / 'exported.pt2'}"))
     yield lambda: fuse(composed("fuse", *given, f"video={video}", f"output={out / 'fused'}"))
-    yield lambda: answer(learnt(checkpoint), np.zeros((64, 80, 3), np.uint8), None)
+    yield lambda: answer(load_predictor(checkpoint), np.zeros((64, 80, 3), np.uint8), None)
 
 
 def flipped(content: bytes, place: int, bit: int) -> bytes:
@@ -88,12 +89,12 @@ def test_one_bit_in_the_weights_is_noticed_by_everybody(
 
 def test_any_bit_of_a_checkpoint_is_damage_or_nothing(tiny_checkpoint: Path, tmp_path: Path) -> None:
     content, random = tiny_checkpoint.read_bytes(), np.random.default_rng(0)
-    path, whole = tmp_path / "some.ckpt", learnt(tiny_checkpoint).network.state_dict()
+    path, whole = tmp_path / "some.ckpt", load_predictor(tiny_checkpoint).network.state_dict()
     noticed = 0
     for place in random.integers(len(content), size=BITS):
         path.write_bytes(flipped(content, int(place), int(place) % 8))
         try:
-            found = learnt(path).network.state_dict()
+            found = load_predictor(path).network.state_dict()
         except UserError as error:
             assert "\n" not in str(error)  # noqa: PT017 - most of them, and never another
             noticed += 1
@@ -107,11 +108,11 @@ def test_any_bit_of_the_shipped_file_is_noticed(tmp_path: Path, monkeypatch: pyt
     path = tmp_path / "shipped.ckpt"
     monkeypatch.setattr(learning, "located", lambda checkpoint: path)
     path.write_bytes(content)
-    assert learnt(Path(SHIPPED)).name == learnt(WHOLE).name
+    assert load_predictor(Path(SHIPPED)).name == load_predictor(WHOLE).name
     for place in random.integers(len(content), size=BITS):
         path.write_bytes(flipped(content, int(place), int(place) % 8))
         with pytest.raises(UserError, match=r"shipped\.ckpt is damaged"):
-            learnt(Path(SHIPPED))
+            load_predictor(Path(SHIPPED))
 
 
 @needs_parity
@@ -151,7 +152,7 @@ def test_depth_that_is_no_number_is_written_by_nobody(
         found = forward(task, batch)
         return {**found, "depth": found["depth"] * math.inf}
 
-    network = learnt(tiny_checkpoint)
+    network = load_predictor(tiny_checkpoint)
     called = type(network.network).forward
 
     def overflowing(self: Any, image: Tensor, rays: Tensor | None = None) -> Any:
@@ -215,4 +216,4 @@ def test_the_best_weights_of_another_run_are_noticed(
         train(tiny(*quick))
         assert "another run" not in capsys.readouterr().out
     shutil.copy(best, tmp_path / "elsewhere.ckpt")
-    assert learnt(tmp_path / "elsewhere.ckpt").name == "bts"
+    assert load_predictor(tmp_path / "elsewhere.ckpt").name == "bts"

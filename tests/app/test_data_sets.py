@@ -13,15 +13,15 @@ import torch
 from programs import call
 from tiny_run import composed
 
-from col3d.app.config import TrainOptions
-from col3d.app.evaluate import evaluate
-from col3d.app.frames import data_module, full_frames, sized_frames
-from col3d.app.prepare import prepare
-from col3d.app.train import train
-from col3d.checks import DataError, UserError
 from col3d.cli.choices import as_groups
+from col3d.data.build import data_module, full_frames, sized_frames
+from col3d.data.cache.prepare import prepare
 from col3d.data.sized import Joined
-from col3d.refusals import check_options
+from col3d.errors import DataError, UserError
+from col3d.evaluation.evaluate import evaluate
+from col3d.registry.refusals import check_options
+from col3d.training.options import TrainOptions
+from col3d.training.train import train
 
 Compose = Callable[..., dict[str, Any]]
 
@@ -29,7 +29,7 @@ Compose = Callable[..., dict[str, Any]]
 @pytest.fixture
 def simcol(tmp_path: Path, look: Any) -> Path:
     """Two videos in the format of SimCol3D."""
-    from col3d.data.simcol3d import SimCol3D
+    from col3d.data.datasets.simcol3d import SimCol3D
 
     depth, _, mask = look("tube", SimCol3D.lens().rays())
     codes = (torch.where(mask, depth, 0.0)[0, 0].numpy() / 200 * 255).round().astype(np.uint16) * 256

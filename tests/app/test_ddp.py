@@ -16,8 +16,8 @@ import torch
 from programs import PROJECT, call
 from tiny_run import SMALL, TINY
 
-from col3d.app.train import train
 from col3d.reports.jobs import read_plain
+from col3d.training.train import train
 
 Compose = Callable[..., dict[str, Any]]
 DDP = ["trainer=ddp", "trainer.devices=2", "trainer.accelerator=cpu"]

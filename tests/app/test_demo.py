@@ -11,16 +11,16 @@ import trimesh
 from PIL import Image
 from tiny_run import composed
 
-from col3d.app.learnt import Learnt
-from col3d.checks import UserError
-from col3d.demo.answer import answer
-from col3d.demo.checkpoint import newest_checkpoint
-from col3d.demo.clips import write_clip
-from col3d.demo.points import MOST_POINTS, write_points
-from col3d.demo.replies import PINHOLE, UNKNOWN, Question, Reply, reply, scores_table
-from col3d.demo.serve import serve
-from col3d.demo.uploads import MOST_SIDE, Clip, Truth, read_clip, read_photo, read_truth
+from col3d.errors import UserError
 from col3d.geometry import OmnidirectionalCamera
+from col3d.inference.demo.answer import answer
+from col3d.inference.demo.checkpoint import newest_checkpoint
+from col3d.inference.demo.clips import write_clip
+from col3d.inference.demo.points import MOST_POINTS, write_points
+from col3d.inference.demo.replies import PINHOLE, UNKNOWN, Question, Reply, reply, scores_table
+from col3d.inference.demo.serve import serve
+from col3d.inference.demo.uploads import MOST_SIDE, Clip, Truth, read_clip, read_photo, read_truth
+from col3d.inference.predictor import Predictor
 from col3d.models import create
 
 LENS = OmnidirectionalCamera.c3vd().resized((64, 80))
@@ -28,16 +28,16 @@ NO_PINHOLE = (None, None, None, None)
 
 
 @pytest.fixture(scope="module")
-def network() -> Learnt:
+def network() -> Predictor:
     """One that was never trained; it needs rays."""
     made = create("bts", encoder="lcnet_035", width=64, normals="unc", normal_frame="ray").eval()
-    return Learnt(made, "bts", (64, 80), 100.0, (LENS,), ("phantom",))
+    return Predictor(made, "bts", (64, 80), 100.0, (LENS,), ("phantom",))
 
 
 @pytest.fixture(scope="module")
-def depth_alone() -> Learnt:
+def depth_alone() -> Predictor:
     made = create("bts", encoder="lcnet_035", width=64).eval()
-    return Learnt(made, "bts", (64, 80), 100.0, (LENS,), ("phantom",))
+    return Predictor(made, "bts", (64, 80), 100.0, (LENS,), ("phantom",))
 
 
 def photo(height: int = 96, width: int = 120) -> np.ndarray:
@@ -49,7 +49,7 @@ def saved(path: Path, pixels: np.ndarray) -> Path:
     return path
 
 
-def asked(network: Learnt, path: Path, camera: str = "c3vd", truth: Path | None = None) -> Reply:
+def asked(network: Predictor, path: Path, camera: str = "c3vd", truth: Path | None = None) -> Reply:
     question = Question(str(path), truth and str(truth), camera, NO_PINHOLE)
     return reply(network, question, path.parent, lambda _: None)
 
@@ -61,7 +61,7 @@ def claims(path: Path, height: int, width: int) -> Path:
     return path
 
 
-def test_an_image_becomes_depth_normals_and_points(network: Learnt, tmp_path: Path) -> None:
+def test_an_image_becomes_depth_normals_and_points(network: Predictor, tmp_path: Path) -> None:
     found = asked(network, saved(tmp_path / "a.png", photo()))
     assert not found.refused
     assert found.answer is not None
@@ -76,14 +76,14 @@ def test_an_image_becomes_depth_normals_and_points(network: Learnt, tmp_path: Pa
     assert (cloud.vertices[:, 2] < 0).all()  # viewers look along -z
 
 
-def test_another_range_is_another_picture_of_one_prediction(network: Learnt) -> None:
+def test_another_range_is_another_picture_of_one_prediction(network: Predictor) -> None:
     found = answer(network, photo(), "c3vd")
     pictures = [found.depth_picture(*ends) for ends in ((0.0, 100.0), (0.0, 50.0), (50.0, 0.0))]
     assert (pictures[0] != pictures[1]).any()
     assert (pictures[1] == pictures[2]).all()
 
 
-def test_without_a_camera_no_millimetres_are_claimed(depth_alone: Learnt, tmp_path: Path) -> None:
+def test_without_a_camera_no_millimetres_are_claimed(depth_alone: Predictor, tmp_path: Path) -> None:
     truth = saved(tmp_path / "t.png", np.full((96, 120), 30000, np.uint16))
     found = asked(depth_alone, saved(tmp_path / "a.png", photo()), UNKNOWN, truth)
     assert found.answer is not None
@@ -95,11 +95,11 @@ def test_without_a_camera_no_millimetres_are_claimed(depth_alone: Learnt, tmp_pa
     assert "mm" not in found.words.partition("; the true depth, in mm,")[0]
 
 
-def test_a_lens_of_other_frames_is_told(network: Learnt, tmp_path: Path) -> None:
+def test_a_lens_of_other_frames_is_told(network: Predictor, tmp_path: Path) -> None:
     assert "caution" in asked(network, saved(tmp_path / "a.png", photo()), "c3vdv2").words
 
 
-def test_scores_are_those_of_the_truth(network: Learnt) -> None:
+def test_scores_are_those_of_the_truth(network: Predictor) -> None:
     image = photo()
     first = answer(network, image, "c3vd")
     mask = np.zeros((96, 120), bool)
@@ -115,7 +115,7 @@ def test_scores_are_those_of_the_truth(network: Learnt) -> None:
     assert first.error_picture() is None
 
 
-def test_large_images_are_shown_smaller(depth_alone: Learnt, tmp_path: Path) -> None:
+def test_large_images_are_shown_smaller(depth_alone: Predictor, tmp_path: Path) -> None:
     size = (1600, 2000)
     found = answer(depth_alone, np.zeros((*size, 3), np.uint8), "c3vd", Truth(*_flat(size)))
     assert found.depth.shape == (1080, MOST_SIDE)
@@ -129,7 +129,7 @@ def _flat(size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
     return np.full(size, 30, np.float32), np.ones(size, bool)
 
 
-def test_files_that_are_no_images_are_refused_in_words(network: Learnt, tmp_path: Path) -> None:
+def test_files_that_are_no_images_are_refused_in_words(network: Predictor, tmp_path: Path) -> None:
     text, cut, large = tmp_path / "<b>.png", tmp_path / "cut.png", tmp_path / "large.tiff"
     text.write_text("no image")
     whole = saved(tmp_path / "whole.png", photo()).read_bytes()
@@ -152,7 +152,7 @@ def test_files_that_are_no_images_are_refused_in_words(network: Learnt, tmp_path
         assert str(tmp_path) not in found.words
 
 
-def test_cameras_that_say_nothing_are_refused(network: Learnt, tmp_path: Path) -> None:
+def test_cameras_that_say_nothing_are_refused(network: Predictor, tmp_path: Path) -> None:
     path = saved(tmp_path / "a.png", photo())
     assert "this network needs the camera" in asked(network, path, UNKNOWN).words
     assert "a pinhole needs fx, fy" in asked(network, path, PINHOLE).words
@@ -188,7 +188,7 @@ def video(path: Path, frames: int, fps: float = 10) -> Path:
     return path
 
 
-def test_a_video_comes_back_side_by_side(network: Learnt, tmp_path: Path) -> None:
+def test_a_video_comes_back_side_by_side(network: Predictor, tmp_path: Path) -> None:
     found = asked(network, video(tmp_path / "a.mp4", 3))
     assert "3 frames, depth " in found.words
     capture = cv2.VideoCapture(found.video)
@@ -199,7 +199,7 @@ def test_a_video_comes_back_side_by_side(network: Learnt, tmp_path: Path) -> Non
     assert told == [0.5, 1.0]
 
 
-def test_an_animation_is_a_video_and_of_pages_the_first_is_shown(network: Learnt, tmp_path: Path) -> None:
+def test_an_animation_is_a_video_and_of_pages_the_first_is_shown(network: Predictor, tmp_path: Path) -> None:
     pages = [Image.new("RGB", (80, 64), (shade, 40, 30)) for shade in (50, 90, 130)]
     for name in ("a.gif", "a.tif"):
         pages[0].save(tmp_path / name, save_all=True, append_images=pages[1:])
@@ -207,7 +207,7 @@ def test_an_animation_is_a_video_and_of_pages_the_first_is_shown(network: Learnt
     assert asked(network, tmp_path / "a.tif").words.endswith("; the first of 3 pictures in it")
 
 
-def test_long_and_broken_videos_are_refused(network: Learnt, tmp_path: Path) -> None:
+def test_long_and_broken_videos_are_refused(network: Predictor, tmp_path: Path) -> None:
     assert "longer than 10 seconds or 150 frames" in asked(network, video(tmp_path / "a.mp4", 101)).words
     (tmp_path / "text.mp4").write_text("no video")
     found = asked(network, tmp_path / "text.mp4")

@@ -9,7 +9,7 @@ import pytest
 from served import served, upload
 from starlette.datastructures import Headers
 
-from col3d.demo.guard import refusal
+from col3d.inference.demo.guard import refusal
 
 UPLOAD = "/gradio_api/upload"
 

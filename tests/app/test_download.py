@@ -18,12 +18,12 @@ from programs import call
 from test_stopping import stopped
 from tiny_run import composed
 
-from col3d.app import download_plan
-from col3d.app.download import download
-from col3d.checks import DataError, TakenError, UserError
-from col3d.data.c3vd import C3VD
+from col3d.data.datasets.c3vd import C3VD
+from col3d.data.download import plan as download_plan
 from col3d.data.download import transfer
-from col3d.data.encode import depth_codes, write_tiff
+from col3d.data.download.download import download
+from col3d.data.files.encode import depth_codes, write_tiff
+from col3d.errors import DataError, RunLockedError, UserError
 
 VIDEO, NAME, FRAMES = "trans_t1_a", "c0_transverse_t1_v1", 61
 OTHER, OTHER_NAME = "trans_t2_b", "c0_transverse_t2_v2"
@@ -246,7 +246,7 @@ def test_a_video_with_frames_missing_is_a_fault(
 def test_two_at_a_time_are_refused(server: Dataverse, tmp_path: Path) -> None:
     with (tmp_path / ".col3d_download").open("w") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
-        with pytest.raises(TakenError, match=r"data\.root: another process downloads into"):
+        with pytest.raises(RunLockedError, match=r"data\.root: another process downloads into"):
             run(server, tmp_path, ACCEPT)
     assert names(tmp_path) == [".col3d_download"]
 
@@ -317,7 +317,7 @@ def test_a_video_that_the_server_has_not(server: Dataverse, tmp_path: Path) -> N
     ],
 )
 def test_which_videos_are_meant(given: list[str], count: int | None, tmp_path: Path) -> None:
-    from col3d.app.config import DownloadOptions
+    from col3d.data.download.options import DownloadOptions
 
     found = download_plan.named_videos(
         DownloadOptions.model_validate(composed("download", *given, f"data.root={tmp_path}"))

@@ -11,9 +11,9 @@ import torch
 from parity import needs_parity, published_state
 from tiny_run import composed
 
-from col3d.app.evaluate import evaluate
-from col3d.app.train import train
-from col3d.checks import UserError
+from col3d.errors import UserError
+from col3d.evaluation.evaluate import evaluate
+from col3d.training.train import train
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*pin_memory.*")
 Compose = Callable[..., dict[str, Any]]

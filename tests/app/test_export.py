@@ -14,13 +14,14 @@ import torch
 from programs import call
 from tiny_run import composed
 
-from col3d.app.export import export
-from col3d.app.exported import is_exported
-from col3d.app.half import HalfNetwork
-from col3d.app.learnt import learnt, located
-from col3d.app.same_outputs import compare
-from col3d.app.traced import Fixed
-from col3d.checks import UserError
+from col3d.errors import UserError
+from col3d.inference.export.export import export
+from col3d.inference.export.exported import is_exported
+from col3d.inference.export.half_precision import HalfNetwork
+from col3d.inference.export.parity import compare
+from col3d.inference.export.traced import Fixed
+from col3d.inference.predictor import load_predictor
+from col3d.inference.trained_network import located
 
 PROJECT = Path(__file__).parents[2]
 WITHOUT = (
@@ -62,7 +63,7 @@ def takes_any_size(path: Path, checkpoint: Path) -> None:
         ("batch", 1, "height", "width"),
         ("batch", 3, "height", "width"),
     ]
-    network = learnt(checkpoint).network
+    network = load_predictor(checkpoint).network
     for shape in ((1, 3, 64, 80), (2, 3, 50, 131), (1, 3, 1, 1)):
         image = torch.rand(shape)
         depth, normals = session.run(["depth", "normals"], {"image": image.numpy()})
@@ -104,7 +105,7 @@ def test_a_program_file(tiny_checkpoint: Path, tmp_path: Path) -> None:
     program = torch.export.load(path, extra_files=facts).module(check_guards=False)
     image = torch.rand(1, 3, 90, 70)
     with torch.no_grad():
-        found, expected = program(image), learnt(tiny_checkpoint).network(image)
+        found, expected = program(image), load_predictor(tiny_checkpoint).network(image)
     torch.testing.assert_close(found["depth"], expected["depth"], atol=1e-3, rtol=0)
     torch.testing.assert_close(found["normals"], expected["normals"], atol=1e-4, rtol=0)
     assert json.loads(facts["col3d.json"])["trained_size"] == [64, 80]
@@ -143,7 +144,7 @@ def test_an_onnx_file_of_one_size_in_half_precision(tiny_checkpoint: Path, tmp_p
     ]
     image = torch.rand(2, 3, 96, 128, generator=torch.Generator().manual_seed(5))
     depth, _ = session.run(["depth", "normals"], {"image": image.numpy()})
-    network = learnt(tiny_checkpoint).network
+    network = load_predictor(tiny_checkpoint).network
     with torch.no_grad():
         expected, rounded = network(image)["depth"], HalfNetwork(network)(image)["depth"]
     own = (rounded - expected).abs().max().item()
@@ -168,7 +169,7 @@ def test_a_program_of_one_size(tiny_checkpoint: Path, tmp_path: Path) -> None:
 
 def test_what_half_precision_may_change(tiny_checkpoint: Path) -> None:
     """Twice what it changes in PyTorch itself on the same image, and no more."""
-    subject = learnt(tiny_checkpoint)
+    subject = load_predictor(tiny_checkpoint)
     half = HalfNetwork(subject.network).eval()
 
     def off(factor: float) -> Callable[[Mapping[str, np.ndarray]], dict[str, np.ndarray]]:
@@ -211,7 +212,7 @@ def test_other_networks_are_open_in_their_sizes() -> None:
 
 
 def test_a_file_that_differs_is_refused(tiny_checkpoint: Path) -> None:
-    subject = learnt(tiny_checkpoint)
+    subject = load_predictor(tiny_checkpoint)
 
     def off(inputs: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         with torch.no_grad():
@@ -228,7 +229,7 @@ def test_what_was_refused_leaves_no_file(
     def broken(*_: object) -> None:
         raise ZeroDivisionError
 
-    monkeypatch.setattr("col3d.app.export._write", broken)
+    monkeypatch.setattr("col3d.inference.export.export._write", broken)
     with pytest.raises(ZeroDivisionError):
         export(composed("export", f"checkpoint={tiny_checkpoint}", f"output={tmp_path / 'new' / 'm.onnx'}"))
     assert list((tmp_path / "new").iterdir()) == []
@@ -285,7 +286,7 @@ def test_memory_that_is_out_is_a_line(
     def full(*_: object) -> None:
         raise error
 
-    monkeypatch.setattr("col3d.app.export._write", full)
+    monkeypatch.setattr("col3d.inference.export.export._write", full)
     given = (f"checkpoint={tiny_checkpoint}", f"output={tmp_path / 'm.pt2'}", "size=[20000,20000]")
     with pytest.raises(UserError, match=r"^memory is out \(.*\); .*a smaller size= or batch= takes less$"):
         export(composed("export", *given))

@@ -16,10 +16,10 @@ import pytest
 from test_resume import assert_the_same, status_of, stopped_in
 from tiny_run import TINY, composed
 
-from col3d.app.job import JobStatus
-from col3d.app.train import train
-from col3d.checks import DataError, UserError
-from col3d.tasks import SupervisedTask
+from col3d.errors import DataError, UserError
+from col3d.runs.status import JobStatus
+from col3d.training.tasks import SupervisedTask
+from col3d.training.train import train
 
 EPOCHS = 2
 SMALL = (

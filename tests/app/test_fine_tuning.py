@@ -11,13 +11,13 @@ from programs import call
 from test_resume import assert_the_same, options, stopped_in
 from tiny_run import SMALL, TINY, composed
 
-from col3d.app.config import InitOptions, TrainOptions
-from col3d.app.initial_weights import begin_from
-from col3d.app.train import train
-from col3d.checks import UserError
+from col3d.errors import UserError
 from col3d.models import create
-from col3d.refusals import check_options
-from col3d.tasks import SupervisedTask
+from col3d.registry.refusals import check_options
+from col3d.training.initial_weights import begin_from
+from col3d.training.options import InitOptions, TrainOptions
+from col3d.training.tasks import SupervisedTask
+from col3d.training.train import train
 
 Compose = Callable[..., dict[str, Any]]
 SELDOM = "callbacks.checkpoint_minutes=60"
@@ -124,7 +124,7 @@ def test_shapes_that_differ_are_said() -> None:
             super().__init__()
             self.body, self.head = torch.nn.Conv2d(3, 4, 1), torch.nn.Conv2d(4, channels, 1)
 
-    import col3d.app.initial_weights as module
+    import col3d.training.initial_weights as module
 
     said: list[str] = []
     with pytest.MonkeyPatch.context() as patched:

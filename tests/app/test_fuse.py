@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from tiny_run import composed
 
-from col3d.app.fuse import fuse
-from col3d.checks import UserError
+from col3d.errors import UserError
+from col3d.inference.fusion.fuse import fuse
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*pin_memory.*")
 
@@ -84,7 +84,7 @@ def test_a_library_that_open3d_lacks_is_named(
     def fails(name: str) -> None:
         raise ImportError("libusb-1.0.so.0: cannot open shared object file")
 
-    monkeypatch.setattr("col3d.app.fuse.import_module", fails)
+    monkeypatch.setattr("col3d.inference.fusion.fuse.import_module", fails)
     with pytest.raises(UserError, match=r"needs Open3D \(libusb-1\.0\.so\.0: .* apt-get install libusb"):
         fused(rendered, tmp_path / "out")
 

@@ -7,12 +7,12 @@ from typing import Any
 import pytest
 from tiny_run import composed
 
-from col3d.app import config
-from col3d.app.config import FuseOptions
-from col3d.app.fused_video import video_of
-from col3d.checks import DataError, UserError
 from col3d.cli.paths import as_typed
-from col3d.refusals import check_options
+from col3d.errors import DataError, UserError
+from col3d.inference.fusion.video import video_of
+from col3d.inference.options import FuseOptions
+from col3d.registry.refusals import check_options
+from col3d.training import options as config
 
 NAMES = (
     *(

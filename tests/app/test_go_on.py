@@ -13,15 +13,16 @@ from test_resume import assert_the_same
 from test_starts_and_ends import QUICK, PowerCutError, cut_in, result
 from tiny_run import SMALL
 
-from col3d.app import build
-from col3d.app.config import InitOptions, TrainOptions
-from col3d.app.initial_weights import begin_from
-from col3d.app.learnt import learnt, located
-from col3d.app.train import train
-from col3d.checks import UserError
+from col3d.errors import UserError
+from col3d.inference.predictor import load_predictor
+from col3d.inference.trained_network import located
 from col3d.layers.encoder import Encoder
 from col3d.models import create
-from col3d.refusals import check_options
+from col3d.registry.refusals import check_options
+from col3d.training.build import build_task
+from col3d.training.initial_weights import begin_from
+from col3d.training.options import InitOptions, TrainOptions
+from col3d.training.train import train
 
 Compose = Callable[..., dict[str, Any]]
 STEADY = (*QUICK, "scheduler=constant")
@@ -124,7 +125,7 @@ def options_of(given: dict[str, Any]) -> TrainOptions:
 
 def test_all_weights_of_the_same_network_are_taken(best: Path, tiny: Compose) -> None:
     options = options_of(tiny(*QUICK, f"init.checkpoint={best}", "seed=9", "optimizer.lr=0.00001"))
-    network, said = build.task(options).network, []
+    network, said = build_task(options).network, []
     begin_from(network, options.init, said.append)
     for name, values in network_of(best).items():
         assert torch.equal(network.state_dict()[name], values)
@@ -133,7 +134,7 @@ def test_all_weights_of_the_same_network_are_taken(best: Path, tiny: Compose) ->
 
 
 def test_all_of_what_ships_is_taken() -> None:
-    network, said = learnt(Path("shipped")).network, list[str]()
+    network, said = load_predictor(Path("shipped")).network, list[str]()
     begin_from(network, InitOptions(checkpoint="shipped"), said.append)
     count = len(network.state_dict())
     assert said == [f"begins from {count} of {count} tensors of shipped"]
@@ -288,9 +289,9 @@ def test_what_is_no_weight_is_refused_by_its_name(reader: str, what: str, tmp_pa
     content = torch.load(located(Path("shipped")), weights_only=True)
     spoil(content["state_dict"], "network.encoder.net.conv_stem.weight")
     torch.save(content, path)
-    network = learnt(Path("shipped")).network
+    network = load_predictor(Path("shipped")).network
     begin = functools.partial(begin_from, network, InitOptions(checkpoint=str(path)))
-    run: Callable[[], Any] = functools.partial(learnt, path) if reader == "checkpoint" else begin
+    run: Callable[[], Any] = functools.partial(load_predictor, path) if reader == "checkpoint" else begin
     with pytest.raises(UserError, match=rf"^{reader}: {path}: \S*conv_stem\.weight {message}"):
         run()
 
@@ -313,4 +314,4 @@ def test_weights_that_are_cut_off_are_called_so(
     with pytest.raises(UserError, match=rf"^init\.checkpoint: {path} {message}; copy it again$"):
         begin_from(torch.nn.Linear(1, 1), InitOptions(checkpoint=str(path), published=published))
     with pytest.raises(UserError, match=rf"^checkpoint: {path} {message}; copy it again$"):
-        learnt(path)
+        load_predictor(path)

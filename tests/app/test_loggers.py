@@ -13,13 +13,13 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 from test_resume import assert_the_same, options, stopped_in
 from tiny_run import TINY, composed
 
-from col3d.app.config import TrainOptions
-from col3d.app.train import train
-from col3d.checks import OptionError, UserError
-from col3d.earlier import updated
-from col3d.logger_options import check_installed, logger_entries
-from col3d.refusals import check_options
+from col3d.errors import OptionError, UserError
 from col3d.registry import LOGGERS, available, register_logger
+from col3d.registry.earlier import updated
+from col3d.registry.refusals import check_options
+from col3d.runs.logger_options import check_installed, logger_entries
+from col3d.training.options import TrainOptions
+from col3d.training.train import train
 
 Compose = Callable[..., dict[str, Any]]
 CLASSES = {

@@ -10,12 +10,13 @@ import torch
 from test_resume import options, stopped_in
 from tiny_run import composed
 
-from col3d.app.evaluate import evaluate
-from col3d.app.export import export
-from col3d.app.learnt import located, trained_task
-from col3d.app.train import train
-from col3d.checks import UserError
-from col3d.tasks import SupervisedTask
+from col3d.errors import UserError
+from col3d.evaluation.evaluate import evaluate
+from col3d.inference.export.export import export
+from col3d.inference.predictor import trained_task
+from col3d.inference.trained_network import located
+from col3d.training.tasks import SupervisedTask
+from col3d.training.train import train
 
 Compose = Callable[..., dict[str, Any]]
 KEY = "depth_seen"

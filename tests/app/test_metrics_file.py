@@ -7,7 +7,7 @@ from unittest.mock import Mock
 
 from lightning import LightningModule, Trainer
 
-from col3d.app.metrics_file import ROWS, MetricsFile, RowsInCheckpoints
+from col3d.runs.metrics_file import ROWS, MetricsFile, RowsInCheckpoints
 
 
 def rows_of(path: Path) -> list[dict[str, str]]:

@@ -16,26 +16,27 @@ from programs import call
 from tiny_run import composed
 from torch.utils.data import DataLoader, Dataset
 
-from col3d.app.cameras import camera_at, lens_of
-from col3d.app.checkpoints import read_checkpoint
-from col3d.app.config import TrainOptions
-from col3d.app.foreseen import in_a_line
-from col3d.app.learnt import learnt, located
-from col3d.checks import UserError
-from col3d.refusals import check_options
+from col3d.errors import UserError
+from col3d.inference.cameras import camera_at, lens_of
+from col3d.inference.predictor import load_predictor
+from col3d.inference.trained_network import located
+from col3d.registry.refusals import check_options
+from col3d.runs.checkpoints import read_checkpoint
+from col3d.runs.known_failures import as_user_errors
+from col3d.training.options import TrainOptions
 
 WRONG = ([], "x", 3, {"cameras": 3}, {"cameras": [3]}, {"cameras": ["x"]}, {"cameras": [{"model": []}]})
 NUMBERS = '"size":[64,80],"fx":9,"fy":9,"cx":9,"cy":9'
 PEER = """
 import os, sys, torch
-from col3d.app.foreseen import in_a_line
-from col3d.checks import UserError
+from col3d.runs.known_failures import as_user_errors
+from col3d.errors import UserError
 rank = int(sys.argv[1])
 torch.distributed.init_process_group("gloo", init_method="file://" + sys.argv[2], rank=rank, world_size=2)
 if rank == 1:
     os._exit(9)
 try:
-    with in_a_line("smaller"):
+    with as_user_errors("smaller"):
         for _ in range(100):
             torch.distributed.all_reduce(torch.zeros(1))
 except UserError as error:
@@ -75,7 +76,7 @@ def test_what_weights_say_of_themselves(about: Any, tmp_path: Path) -> None:
     path = tmp_path / "weights.ckpt"
     torch.save(shipped() | {"about": about}, path)
     try:
-        assert learnt(path).cameras == ()
+        assert load_predictor(path).cameras == ()
     except UserError as error:
         assert str(error).startswith(f"checkpoint: {path}: what it says about its cameras")  # noqa: PT017
 
@@ -147,11 +148,11 @@ def test_a_folder_of_options_in_two_words(tmp_path: Path) -> None:
     ],
 )
 def test_memory_that_is_out(wanted: Any) -> None:
-    with pytest.raises(UserError, match=r"^memory is out \(.+\); take less$"), in_a_line("take less"):
+    with pytest.raises(UserError, match=r"^memory is out \(.+\); take less$"), as_user_errors("take less"):
         wanted()
     with (
         pytest.raises(UserError, match=r"memory is out \(Tried to allocate 20.00 GiB\); take less"),
-        in_a_line("take less"),
+        as_user_errors("take less"),
     ):
         raise torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 20.00 GiB. GPU 0 has 8 GiB.")
 
@@ -160,12 +161,15 @@ def test_a_step_beyond_float32() -> None:
     weight = torch.nn.Parameter(torch.ones(3))
     weight.grad = torch.ones(3)
     optimizer = torch.optim.AdamW([weight], lr=1e38)
-    with pytest.raises(UserError, match=r"^optimizer\.lr, optimizer\.weight_decay: "), in_a_line("take less"):
+    with (
+        pytest.raises(UserError, match=r"^optimizer\.lr, optimizer\.weight_decay: "),
+        as_user_errors("take less"),
+    ):
         optimizer.step()
 
 
 def test_what_a_user_wrote_keeps_its_traceback() -> None:
-    with pytest.raises(RuntimeError, match="mine"), in_a_line("take less"):
+    with pytest.raises(RuntimeError, match="mine"), as_user_errors("take less"):
         raise RuntimeError("mine: Broken pipe")
 
 
@@ -194,7 +198,7 @@ def test_a_worker_that_ends_while_it_hands_over_is_a_line(monkeypatch: pytest.Mo
     batches = iter(DataLoader(HandsOverAndDies(), batch_size=2, num_workers=1))
     monkeypatch.setattr(multiprocessing.connection, "answer_challenge", module["reset"])
     line = r"^data\.workers: a process that loads frames is gone .*; the same command goes on$"
-    with pytest.raises(UserError, match=line), in_a_line("smaller"):
+    with pytest.raises(UserError, match=line), as_user_errors("smaller"):
         list(batches)
 
 
@@ -206,5 +210,5 @@ def test_a_data_set_s_own_connection_keeps_its_traceback() -> None:
         def __getitem__(self, index: int) -> torch.Tensor:
             raise ConnectionResetError("of a server of its own")
 
-    with pytest.raises(ConnectionResetError, match="of a server"), in_a_line("smaller"):
+    with pytest.raises(ConnectionResetError, match="of a server"), as_user_errors("smaller"):
         list(DataLoader(Remote(), num_workers=0))

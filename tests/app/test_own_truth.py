@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from tiny_run import SMALL, composed
 
-from col3d.app.evaluate import evaluate
-from col3d.app.train import train
-from col3d.checks import UserError
+from col3d.errors import UserError
+from col3d.evaluation.evaluate import evaluate
+from col3d.training.train import train
 
 SIZE = (96, 128)
 Write = Callable[..., None]

@@ -11,17 +11,17 @@ import pytest
 import torch
 from tiny_run import composed, earlier_export
 
-from col3d.app.evaluate import evaluate
-from col3d.app.export import export
-from col3d.app.exported import is_exported
-from col3d.app.predict import predict
-from col3d.app.prepare import prepare
-from col3d.app.run_folder import FILES
-from col3d.app.train import train
-from col3d.app.verify import verify
-from col3d.checks import DataError, UserError
-from col3d.owned import Owned
+from col3d.data.cache.prepare import prepare
+from col3d.data.checks.verify import verify
+from col3d.errors import DataError, UserError
+from col3d.evaluation.evaluate import evaluate
+from col3d.inference.export.export import export
+from col3d.inference.export.exported import is_exported
+from col3d.inference.predict import predict
+from col3d.io.ownership import Owned
 from col3d.reports.__main__ import main as report
+from col3d.runs.folder import FILES
+from col3d.training.train import train
 from tests.reports.fake_runs import write_run
 
 VIDEOS = ("desc_t4_a_s1",)

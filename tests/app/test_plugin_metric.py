@@ -13,7 +13,7 @@ import yaml
 from programs import call
 from tiny_run import SMALL, TINY
 
-from col3d.metric_specs import OURS
+from col3d.registry.metric_specs import OURS
 from col3d.reports.per_frame import IDENTITY, read_per_frame
 
 PACKAGE = '''

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from tiny_run import composed
 
-from col3d.app.cameras import camera_at
-from col3d.app.fuse import fuse
-from col3d.checks import DataError, UserError
-from col3d.data.c3vd import C3VD
-from col3d.data.pose_readings import AXES, DIRECTIONS, UNITS, PoseReading, find_reading
-from col3d.data.verify.poses import read_poses
+from col3d.data.checks.poses import read_poses
+from col3d.data.datasets.c3vd import C3VD
+from col3d.data.datasets.pose_readings import AXES, DIRECTIONS, UNITS, PoseReading, find_reading
+from col3d.errors import DataError, UserError
+from col3d.inference.cameras import camera_at
+from col3d.inference.fusion.fuse import fuse
 
 VIDEO = "desc_t4_a"
 AUTO = dict.fromkeys(("direction", "axes", "unit", "first"), "auto")

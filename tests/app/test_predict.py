@@ -14,14 +14,14 @@ import trimesh
 from PIL import Image
 from tiny_run import composed
 
-from col3d.app.learnt import learnt
-from col3d.app.predict import predict
-from col3d.checks import UserError
-from col3d.data.c3vd import C3VD
-from col3d.data.files import read_rgb
-from col3d.data.octagon import octagon_mask
-from col3d.data.release import house_normals
+from col3d.data.datasets.c3vd import C3VD
+from col3d.data.datasets.octagon import octagon_mask
+from col3d.data.datasets.release import house_normals
+from col3d.data.files.image_files import read_rgb
+from col3d.errors import UserError
 from col3d.geometry import OmnidirectionalCamera, points_from_depth
+from col3d.inference.predict import predict
+from col3d.inference.predictor import load_predictor
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*pin_memory.*")
 LENS = OmnidirectionalCamera.c3vd().resized((64, 80))
@@ -58,7 +58,7 @@ def test_a_video_of_c3vd_is_read_back_as_c3vd(
     frames = C3VD(tmp_path / "as_c3vd", ["desc_t4_a"], release="current", normals="none", camera=LENS)
     item, files = frames[1], frames.kinds["normals"].find(copy)
     normals = house_normals(read_rgb(files[1], (64, 80), np.uint16), "current")
-    network = learnt(tiny_checkpoint)
+    network = load_predictor(tiny_checkpoint)
     image = torch.from_numpy(np.array(Image.open(video / "0001_color.png"))).permute(2, 0, 1)
     known = network.predict(image[None], LENS)
     mask = octagon_mask((64, 80))
@@ -188,7 +188,7 @@ def test_an_earlier_prediction_stays(tiny_checkpoint: Path, phantom_root: Path, 
 
 
 def test_prediction_at_an_image_of_the_networks_size_is_the_networks(tiny_checkpoint: Path) -> None:
-    network = learnt(tiny_checkpoint)
+    network = load_predictor(tiny_checkpoint)
     images = torch.randint(0, 256, (2, 3, 64, 80), dtype=torch.uint8)
     whole = network.predict(images, LENS)
     with torch.inference_mode():
@@ -237,9 +237,9 @@ def refuse_to_work(monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*_: object) -> None:
         raise Decoded
 
-    monkeypatch.setattr("col3d.data.images.read_image", fail)
-    monkeypatch.setattr("col3d.data.video_files.VideoFile.__iter__", fail)
-    monkeypatch.setattr("col3d.app.predict.learnt", fail)
+    monkeypatch.setattr("col3d.data.files.images.read_image", fail)
+    monkeypatch.setattr("col3d.data.files.video_files.VideoFile.__iter__", fail)
+    monkeypatch.setattr("col3d.inference.predict.load_predictor", fail)
 
 
 @pytest.mark.parametrize("camera", ["c3vd", "simcol3d", "lens.json"])

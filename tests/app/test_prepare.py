@@ -17,16 +17,16 @@ import torch
 from programs import call, command
 from tiny_run import composed
 
-from col3d.app import prepare as preparing
-from col3d.app.config import TrainOptions
-from col3d.app.frames import data_module, frame_set
-from col3d.app.prepare import prepare
-from col3d.app.stores import KNOWN, beside, stored_frames
-from col3d.checks import DataError, UserError
+from col3d.data.build import data_module, frame_set
+from col3d.data.cache import Stored
+from col3d.data.cache import prepare as preparing
+from col3d.data.cache import write as writing
+from col3d.data.cache.choice import KNOWN, beside, stored_frames
+from col3d.data.cache.prepare import prepare
 from col3d.data.sized import Resized
-from col3d.data.store import Stored
-from col3d.data.store import write as writing
-from col3d.refusals import check_options
+from col3d.errors import DataError, UserError
+from col3d.registry.refusals import check_options
+from col3d.training.options import TrainOptions
 
 PHANTOM = ("phantom.size=[64,80]", "phantom.frames_per_video=3")
 Compose = Callable[..., dict[str, Any]]

@@ -12,21 +12,17 @@ from pages import PAGES, PROJECT, blocks, file_of
 from programs import call
 from tiny_run import SMALL, TINY, composed
 
-from col3d.app.config import (
-    DownloadOptions,
-    EvaluateOptions,
-    ExportOptions,
-    FuseOptions,
-    PredictOptions,
-    PrepareOptions,
-    TrainOptions,
-    VerifyOptions,
-)
-from col3d.app.trial import WENT_THROUGH
 from col3d.cli.choices import as_groups
 from col3d.cli.main import PROGRAMS, main
 from col3d.cli.programs import RUNS
-from col3d.refusals import check_options
+from col3d.data.cache.options import PrepareOptions
+from col3d.data.checks.options import VerifyOptions
+from col3d.data.download.options import DownloadOptions
+from col3d.evaluation.options import EvaluateOptions
+from col3d.inference.options import ExportOptions, FuseOptions, PredictOptions
+from col3d.registry.refusals import check_options
+from col3d.training.options import TrainOptions
+from col3d.training.trial import WENT_THROUGH
 
 LINES = list(
     dict.fromkeys(line for page in PAGES for block in blocks(page, "bash") for line in block.splitlines())

@@ -15,8 +15,8 @@ import torch
 from nursery import Nursery
 from tiny_run import SMALL
 
-from col3d.app.train import train
-from col3d.tasks import SupervisedTask
+from col3d.training.tasks import SupervisedTask
+from col3d.training.train import train
 
 Compose = Callable[..., dict[str, Any]]
 KEPT = (

@@ -8,9 +8,9 @@ from omegaconf import OmegaConf
 from programs import call
 from tiny_run import SMALL, TINY, composed
 
-from col3d.app.config import TrainOptions
 from col3d.cli.searches import simplex, take_up, trials_left
-from col3d.refusals import check_options
+from col3d.registry.refusals import check_options
+from col3d.training.options import TrainOptions
 
 pytestmark = pytest.mark.filterwarnings(
     "ignore::DeprecationWarning", "ignore::FutureWarning", "ignore:.*experimental"

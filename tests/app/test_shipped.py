@@ -10,12 +10,13 @@ from programs import call
 from tiny_run import composed, real_frames
 
 from benchmarks.transfer import SIZE, Guessed, guessed, network, scores
-from col3d.app.export import export
-from col3d.app.learnt import SHIPPED, learnt
-from col3d.checks import UserError
-from col3d.data.c3vd import C3VD
-from col3d.data.phantom import PARTS, PhantomSettings, phantom_camera, render_phantom
+from col3d.data.datasets.c3vd import C3VD
 from col3d.data.sized import Resized
+from col3d.errors import UserError
+from col3d.inference.export.export import export
+from col3d.inference.predictor import load_predictor
+from col3d.inference.trained_network import SHIPPED
+from col3d.phantom import PARTS, PhantomSettings, phantom_camera, render_phantom
 
 LARGEST = 3_000_000
 """Bytes."""
@@ -33,7 +34,7 @@ def test_it_is_small_and_of_no_machine() -> None:
 
 
 def test_it_knows_the_lens_and_says_what_it_was_trained_on() -> None:
-    shipped = learnt(Path(SHIPPED))
+    shipped = load_predictor(Path(SHIPPED))
     assert shipped.trained_on == ("phantom",)
     assert shipped.knows(phantom_camera(PhantomSettings(SIZE)))
 
@@ -77,7 +78,7 @@ def test_a_network_alone_says_what_its_checkpoint_says(tiny_checkpoint: Path, tm
     export(composed("export", f"checkpoint={tiny_checkpoint}", f"output={path}"))
     assert path.stat().st_size < 0.4 * tiny_checkpoint.stat().st_size
     image = torch.from_numpy(np.random.default_rng(0).integers(0, 255, (1, 3, 64, 80), np.uint8))
-    whole, alone = learnt(tiny_checkpoint), learnt(path)
+    whole, alone = load_predictor(tiny_checkpoint), load_predictor(path)
     assert (alone.name, alone.size_hw, alone.trained_on) == (whole.name, whole.size_hw, whole.trained_on)
     expected, found = whole.predict(image)["depth"], alone.predict(image)["depth"]
     assert 0 < ((found - expected) / expected).abs().max() < 0.02
@@ -98,7 +99,7 @@ def test_a_checkpoint_is_not_replaced_by_its_network(tiny_checkpoint: Path) -> N
 
 def test_what_is_shipped_is_not_of_others() -> None:
     with pytest.raises(UserError, match="the file of the weights that published=monodepth_fpn names"):
-        learnt(Path(SHIPPED), published="monodepth_fpn")
+        load_predictor(Path(SHIPPED), published="monodepth_fpn")
 
 
 def test_it_is_evaluated_like_any_other(tmp_path: Path) -> None:

@@ -15,12 +15,13 @@ import pytest
 from test_resume import assert_the_same, status_of, stopped_in
 from tiny_run import SMALL, TINY, composed
 
-import col3d.app.decorate as decorating
-from col3d.app import provenance
-from col3d.app.evaluate import evaluate
-from col3d.app.train import train
-from col3d.callbacks import EpochLines, ImagePanels
-from col3d.checks import UserError
+import col3d.training.decorate as decorating
+from col3d.errors import UserError
+from col3d.evaluation.evaluate import evaluate
+from col3d.evaluation.panels import ImagePanels
+from col3d.runs import provenance
+from col3d.training.callbacks.epoch_lines import EpochLines
+from col3d.training.train import train
 
 Compose = Callable[..., dict[str, Any]]
 QUICK = ("model=bts", SMALL, "callbacks.panels=0")
@@ -100,7 +101,7 @@ def test_overwrite_applies_once(
 def test_a_replacement_that_was_cut_off_brings_no_old_run_back(
     tiny: Compose, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from col3d.owned import Owned
+    from col3d.io.ownership import Owned
 
     train(tiny(*QUICK, "overwrite=true"))
 
@@ -202,8 +203,8 @@ def test_what_changed_between_two_starts_is_said(
     capsys.readouterr()
     without_depth(own_frames / "cecum_t1_a", 1)
     with monkeypatch.context() as patched:
-        patched.setattr("col3d.app.starts.commit", lambda: "0123456789ab")
-        patched.setattr("col3d.app.starts.versions", lambda: provenance.versions() | {"timm": "0.0.1"})
+        patched.setattr("col3d.runs.starts.commit", lambda: "0123456789ab")
+        patched.setattr("col3d.runs.starts.versions", lambda: provenance.versions() | {"timm": "0.0.1"})
         train(options)
     said = capsys.readouterr().out
     real = provenance.versions()["timm"]

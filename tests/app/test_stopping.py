@@ -18,11 +18,11 @@ import pytest
 from programs import command
 from tiny_run import composed, earlier_export
 
-from col3d.app import fuse as fusing
-from col3d.app.predict import predict
-from col3d.checks import UserError
 from col3d.cli.programs import RUNS
-from col3d.data.phantom import PhantomSettings, render_phantom
+from col3d.errors import UserError
+from col3d.inference.fusion import fuse as fusing
+from col3d.inference.predict import predict
+from col3d.phantom import PhantomSettings, render_phantom
 from col3d.reports.video import VideoWriter
 
 SECONDS = 120

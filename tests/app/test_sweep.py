@@ -11,9 +11,9 @@ import pytest
 from programs import call, command
 from tiny_run import SMALL, TINY
 
-from col3d.app.train import train
 from col3d.reports.jobs import Job, read_sweep
 from col3d.reports.ledger import main as ledger
+from col3d.training.train import train
 
 Compose = Callable[..., dict[str, Any]]
 

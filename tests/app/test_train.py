@@ -13,16 +13,16 @@ import yaml
 from programs import call
 from tiny_run import SMALL, TINY, composed, real_frames
 
-from col3d.app.evaluate import evaluate
-from col3d.app.train import train
-from col3d.callbacks import EpochLines
-from col3d.checks import DataError, UserError
+from col3d.errors import DataError, UserError
+from col3d.evaluation.evaluate import evaluate
 from col3d.geometry.camera_file import camera_from_plain
 from col3d.layers.network import DepthNetwork
 from col3d.losses import depth
-from col3d.metric_specs import OURS
+from col3d.registry.metric_specs import OURS
 from col3d.reports.paper_tables import methods
 from col3d.reports.per_frame import IDENTITY, means, read_per_frame
+from col3d.training.callbacks.epoch_lines import EpochLines
+from col3d.training.train import train
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*pin_memory.*")
 Compose = Callable[..., dict[str, Any]]
@@ -336,8 +336,8 @@ def test_generated_code_is_asked_for(
     def compile_network(network: DepthNetwork, trained: bool = False) -> None:
         asked.append(trained)
 
-    monkeypatch.setattr("col3d.app.train.compile_network", compile_network)
-    monkeypatch.setattr("col3d.app.evaluate.compile_network", compile_network)
+    monkeypatch.setattr("col3d.training.train.compile_network", compile_network)
+    monkeypatch.setattr("col3d.evaluation.evaluate.compile_network", compile_network)
     place = (f"data.root={phantom_root}", f"output_dir={tmp_path / 'run'}")
     train(composed("train", *TINY, *place, "model=bts", SMALL, "trainer.compile=true"))
     score(tmp_path / "run" / "checkpoints" / "best.ckpt", "compile=true")

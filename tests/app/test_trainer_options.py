@@ -14,13 +14,13 @@ from programs import call
 from test_resume import assert_the_same, options, stopped_in
 from tiny_run import TINY, composed
 
-from col3d.app.config import TrainOptions
-from col3d.app.machine import make_trainer
-from col3d.app.train import train
-from col3d.app.trainer_options import REASONS, TrainerOptions
-from col3d.checks import UserError
-from col3d.refusals import check_options
-from col3d.tasks import SupervisedTask
+from col3d.errors import UserError
+from col3d.registry.refusals import check_options
+from col3d.training.options import TrainOptions
+from col3d.training.tasks import SupervisedTask
+from col3d.training.train import train
+from col3d.training.trainer import make_trainer
+from col3d.training.trainer_options import REASONS, TrainerOptions
 
 Compose = Callable[..., dict[str, Any]]
 SELDOM = "callbacks.checkpoint_minutes=60"

@@ -11,7 +11,6 @@ from hydra.errors import OverrideParseException
 from omegaconf import OmegaConf
 from pydantic import BaseModel
 
-from col3d.app import config
 from col3d.cli.files import CONF
 from col3d.cli.paths import MAY_BE_NULL, NAMES, PATHS, as_typed, quoted, quoted_again
 from col3d.cli.program import composed
@@ -20,6 +19,7 @@ from col3d.cli.sweeps import jobs_of
 from col3d.data.options import SourceOptions
 from col3d.models.options import ModelOptions
 from col3d.registry import DATASETS, MODELS, available
+from col3d.training import options as config
 
 NASTY = " ()[]{}=,#&~:;'\"\\$%@!?*+-^`|<>äß鏡0e1._"
 TYPED = (

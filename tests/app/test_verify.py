@@ -11,14 +11,14 @@ import pytest
 from programs import call
 from tiny_run import composed, real_frames
 
-from col3d.app.stores import remember
-from col3d.app.verify import verify
-from col3d.checks import DataError, UserError
-from col3d.data.c3vd import C3VD
-from col3d.data.phantom import PARTS, PhantomSettings, phantom_camera, render_phantom
+from col3d.data.cache import Recipe, write_video
+from col3d.data.cache.choice import remember
+from col3d.data.checks.verify import verify
+from col3d.data.datasets.c3vd import C3VD
 from col3d.data.sized import Resized
-from col3d.data.store import Recipe, write_video
+from col3d.errors import DataError, UserError
 from col3d.geometry import OmnidirectionalCamera
+from col3d.phantom import PARTS, PhantomSettings, phantom_camera, render_phantom
 
 VIDEOS = ("cecum_t1_a", "trans_t1_a")
 PHANTOM = ("phantom.size=[108,135]", "phantom.frames_per_video=6")

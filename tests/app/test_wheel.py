@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 from tiny_run import TINY
 
-from col3d.data.phantom import PhantomSettings, render_phantom
+from col3d.phantom import PhantomSettings, render_phantom
 from col3d.reports.jobs import read_plain
 
 PROJECT = Path(__file__).parents[2]
@@ -25,7 +25,7 @@ names = [module.name for module in pkgutil.walk_packages(col3d.__path__, "col3d.
 for name in names:
     if not name.endswith("__main__"):
         __import__(name)
-from col3d.data.videos import video_table
+from col3d.data.datasets.videos import video_table
 from col3d.reports.paper_tables import *
 print(col3d.__file__, len(names), len(video_table()))
 """
@@ -119,7 +119,7 @@ PARTS = {
             return ((preds - target).abs() * mask).flatten(1).amax(dim=1)
     """,
     "own.py": """
-        from col3d.data.c3vd import C3VD
+        from col3d.data.datasets.c3vd import C3VD
         from col3d.registry import register_dataset
 
         @register_dataset("own", normals="stored", label="Own")

@@ -14,9 +14,9 @@ from benchmarks.report import ratios_of, regressions, row
 from benchmarks.speed import BASELINE, main
 from benchmarks.timing import Spread, interleaved, rates, ratios, spread_of
 from benchmarks.worker_memory import worker_memory
-from col3d.checks import DataError
-from col3d.data.frames import FrameSet
-from col3d.data.store import Stored, StoredVideo
+from col3d.data.cache import Stored, StoredVideo
+from col3d.data.datasets.frame_set import FrameSet
+from col3d.errors import DataError
 
 FULL_HW, SIZE_HW = (64, 80), (32, 40)
 

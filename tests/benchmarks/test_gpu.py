@@ -19,7 +19,7 @@ from benchmarks.gpu.parity import TABLE, Tolerance
 from benchmarks.gpu.results import Record, Results
 from benchmarks.gpu.setting import Setting, smallest
 from benchmarks.gpu.stages import Stage, run_stages, stages
-from col3d.checks import DataError
+from col3d.errors import DataError
 
 CPU = torch.device("cpu")
 PROJECT = Path(__file__).parents[2]

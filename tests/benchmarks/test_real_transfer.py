@@ -4,9 +4,9 @@ import pytest
 import torch
 
 from benchmarks.transfer import BASELINES, SIZE, constant, guessed, scales, scores
-from col3d.data.c3vd import C3VD
-from col3d.data.phantom import PhantomSettings, phantom_camera, render_phantom
+from col3d.data.datasets.c3vd import C3VD
 from col3d.data.sized import Resized
+from col3d.phantom import PhantomSettings, phantom_camera, render_phantom
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ import torch
 from lightning import LightningModule, Trainer
 from torch import nn
 
-from col3d.callbacks import BestCheckpoint
+from col3d.runs.checkpoint_callbacks import BestCheckpoint
 
 
 class Epochs(LightningModule):

@@ -7,7 +7,7 @@ import pytest
 import torch
 from lightning import LightningModule, Trainer
 
-from col3d.callbacks import EpochLines
+from col3d.training.callbacks.epoch_lines import EpochLines
 
 
 def lines(capsys: Any, first: int, zero: bool = True) -> list[str]:

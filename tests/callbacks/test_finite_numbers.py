@@ -10,8 +10,8 @@ import torch
 from lightning import Callback, LightningModule, Trainer
 from torch import nn
 
-from col3d.callbacks import FiniteNumbers
-from col3d.callbacks.finite_numbers import DivergedError
+from col3d.errors import DivergedError
+from col3d.training.callbacks.finite_numbers import FiniteNumbers
 
 
 class OneWeight(LightningModule):

@@ -11,10 +11,11 @@ import torch
 from lightning import LightningModule, Trainer
 from torch.nn.functional import normalize
 
-from col3d.callbacks import ImagePanels, PerFrameTable
+from col3d.evaluation.panels import ImagePanels
+from col3d.evaluation.per_frame_table import PerFrameTable
 from col3d.geometry import PinholeCamera
-from col3d.metric_specs import OURS
 from col3d.metrics.functional import DEPTH_METRICS, depth_metrics, normal_metrics
+from col3d.registry.metric_specs import OURS
 from col3d.reports.per_frame import means, read_per_frame
 
 MODULE = Mock(spec=LightningModule)

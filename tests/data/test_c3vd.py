@@ -11,11 +11,11 @@ import torch
 from torch.utils.data import default_collate
 
 from col3d.batch import Batch
-from col3d.checks import DataError
-from col3d.data.c3vd import C3VD
-from col3d.data.files import read_grey, read_rgb
-from col3d.data.octagon import octagon_mask
-from col3d.data.release import camera_to_world, disagreement, house_normals
+from col3d.data.datasets.c3vd import C3VD
+from col3d.data.datasets.octagon import octagon_mask
+from col3d.data.datasets.release import camera_to_world, disagreement, house_normals
+from col3d.data.files.image_files import read_grey, read_rgb
+from col3d.errors import DataError
 from col3d.geometry import OmnidirectionalCamera, PinholeCamera, angle_between
 from col3d.registry import DATASETS
 

@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 import torch
 
-from col3d.checks import DataError
-from col3d.data.c3vd import C3VDv2
+from col3d.data.datasets.c3vd import C3VDv2
 from col3d.data.splits import expand
+from col3d.errors import DataError
 from col3d.geometry import OmnidirectionalCamera
 
 

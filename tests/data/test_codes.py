@@ -1,4 +1,4 @@
-"""Codes: what they lose is what their page says, everywhere on the sphere and over all depths."""
+"""QuantizedBatch: what they lose is what their page says, everywhere on the sphere and over all depths."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from col3d.batch import Batch
-from col3d.data.codes import WORST_ANGLE, decode, encode, from_octahedral, octahedral
+from col3d.data.cache.codes import WORST_ANGLE, decode, encode, from_octahedral, octahedral
 from col3d.data.resize import Resize
 from col3d.data.sized import collated
 from col3d.geometry import OmnidirectionalCamera, PinholeCamera, angle_between, unit

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from col3d.checks import DataError
-from col3d.data.coverage_mesh import CoverageMesh, read_coverage_mesh, write_coverage_mesh
+from col3d.data.datasets.coverage_mesh import CoverageMesh, read_coverage_mesh, write_coverage_mesh
+from col3d.errors import DataError
 
 CORNERS = ["v 0 0 0", "v 1 0 0", "v 0 1 0", "v 0 0 1"]
 COORDINATES = ["vt 0.0 0.0", "vt 1.0 1.0"]

@@ -16,7 +16,7 @@ import pytest
 import torch
 from torch.utils.data import Dataset
 
-from col3d.data.datamodule import EveryFrameOnce, FrameDataModule, WeightedOrder
+from col3d.data.datamodule import FrameDataModule, ShardedSampler, WeightedOrder
 from col3d.data.resize import Resize
 from col3d.data.transforms import Augment
 from col3d.data.workers import SteadyLoader
@@ -49,7 +49,7 @@ def order(loader: Any, epoch: int = 0) -> list[int]:
 @pytest.mark.parametrize("length", [0, 1, 5, 12])
 @pytest.mark.parametrize("world_size", [1, 2, 3, 7])
 def test_each_frame_once_over_all_processes(length: int, world_size: int) -> None:
-    samplers = [EveryFrameOnce(length, rank, world_size) for rank in range(world_size)]
+    samplers = [ShardedSampler(length, rank, world_size) for rank in range(world_size)]
     assert sorted(index for sampler in samplers for index in sampler) == list(range(length))
     for sampler in samplers:
         assert len(list(sampler)) == len(sampler) <= -(-length // world_size)

@@ -12,11 +12,11 @@ import pytest
 import tifffile
 from PIL import Image
 
-from col3d.checks import DataError, DiskError
-from col3d.data.decode import read_rgb8, read_whole
-from col3d.data.files import check_header, read_colour
-from col3d.data.images import read_image
-from col3d.demo.uploads import read_photo
+from col3d.data.files.decode import read_rgb8, read_whole
+from col3d.data.files.image_files import check_header, read_colour
+from col3d.data.files.images import read_image
+from col3d.errors import DataError, DiskError
+from col3d.inference.demo.uploads import read_photo
 
 SIZE = (72, 96)
 

@@ -13,9 +13,9 @@ import pytest
 import tifffile
 from PIL import Image
 
-from col3d.checks import DataError
-from col3d.data.depth_files import check_depth_file, read_depth_file
-from col3d.data.folder import FolderFrames
+from col3d.data.datasets.folder import FolderFrames
+from col3d.data.files.depth_files import check_depth_file, read_depth_file
+from col3d.errors import DataError
 
 SIZE = (24, 32)
 STEPS = np.random.default_rng(0).integers(1, 100, SIZE)

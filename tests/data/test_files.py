@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from col3d.checks import DataError
-from col3d.data.c3vd import C3VD
-from col3d.data.files import check_header, read_grey, read_rgb
+from col3d.data.datasets.c3vd import C3VD
+from col3d.data.files.image_files import check_header, read_grey, read_rgb
+from col3d.errors import DataError
 
 
 def halve(path: Path) -> None:

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import torch
 
-from col3d.checks import DataError
-from col3d.data.folder import FolderFrames
+from col3d.data.datasets.folder import FolderFrames
+from col3d.errors import DataError
 from col3d.geometry import PinholeCamera, angle_between
 
 CAMERA = PinholeCamera.from_focal((60, 80), 70.0, 71.0, 39.5, 29.5)

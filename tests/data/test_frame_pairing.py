@@ -8,14 +8,14 @@ import cv2
 import numpy as np
 import pytest
 
-from col3d.checks import DataError
-from col3d.data.c3vd import C3VD
-from col3d.data.folder import FolderFrames
-from col3d.data.frame_files import refuse_twice
-from col3d.data.frame_pairing import pair
+from col3d.data.cache import folder_of
+from col3d.data.datasets.c3vd import C3VD
+from col3d.data.datasets.folder import FolderFrames
+from col3d.data.datasets.frame_files import refuse_twice
+from col3d.data.datasets.frame_pairing import pair
+from col3d.data.datasets.videos import canonical_name
 from col3d.data.splits import parse_selection
-from col3d.data.store import folder_of
-from col3d.data.videos import canonical_name
+from col3d.errors import DataError
 
 HERE = Path("clip")
 

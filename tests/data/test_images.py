@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from col3d.checks import DataError, DiskError
 from col3d.data.ahead import ahead
-from col3d.data.encode import depth_codes, normal_codes, write_tiff
-from col3d.data.files import read_grey, read_rgb
-from col3d.data.images import image_source, read_image
-from col3d.data.release import house_normals
+from col3d.data.datasets.release import house_normals
+from col3d.data.files.encode import depth_codes, normal_codes, write_tiff
+from col3d.data.files.image_files import read_grey, read_rgb
+from col3d.data.files.images import image_source, read_image
+from col3d.errors import DataError, DiskError
 
 
 def save(path: Path, shade: int = 100, mode: str = "RGB") -> Path:

@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 import yaml
 
-from col3d.checks import DataError
+from col3d.data.datasets.videos import describe, video_table
 from col3d.data.leakage import shared_with_training
 from col3d.data.splits import leave_out, paper_split, parse_selection
-from col3d.data.videos import describe, video_table
+from col3d.errors import DataError
 
 SPLITS = Path(__file__).parents[2] / "conf" / "data" / "split"
 NINE = ((1, "a"), (1, "b"), (2, "a"), (2, "b"), (2, "c"), (3, "a"), (3, "b"), (4, "a"), (4, "b"))

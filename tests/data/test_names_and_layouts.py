@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import torch
 
-from col3d.checks import DataError
-from col3d.data.c3vd import C3VD, C3VDv2
+from col3d.data.datasets.c3vd import C3VD, C3VDv2
+from col3d.errors import DataError
 
 Write = Callable[..., Path]
 FOLDERS = {

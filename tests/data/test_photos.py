@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from col3d.checks import DataError
-from col3d.data.images import image_source
+from col3d.data.files.images import image_source
+from col3d.errors import DataError
 
 SIZE = (24, 32)
 

@@ -13,8 +13,8 @@ from typing import Any
 
 import pytest
 
-from col3d.checks import DataError, UserError
 from col3d.data.processes import in_processes, remove_stale, whole_folder
+from col3d.errors import DataError, UserError
 
 
 def test_a_full_disk_is_said_of_the_folder(tmp_path: Path) -> None:

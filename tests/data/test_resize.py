@@ -7,7 +7,7 @@ import pytest
 import torch
 from torch.nn.functional import interpolate
 
-from col3d.data.c3vd import C3VD
+from col3d.data.datasets.c3vd import C3VD
 from col3d.data.resize import Resize
 from col3d.geometry import angle_between, normals_from_depth
 

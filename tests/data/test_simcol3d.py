@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import torch
 
-from col3d.checks import DataError
-from col3d.data.simcol3d import SimCol3D
+from col3d.data.datasets.simcol3d import SimCol3D
+from col3d.errors import DataError
 from col3d.geometry import PinholeCamera, angle_between, normals_from_depth
 
 SAMPLE = os.environ.get("COL3D_C3VD_SAMPLE")

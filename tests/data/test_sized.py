@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import torch
 
-from col3d.data.c3vd import C3VD
 from col3d.data.datamodule import FrameDataModule
-from col3d.data.folder import FolderFrames
+from col3d.data.datasets.c3vd import C3VD
+from col3d.data.datasets.folder import FolderFrames
 from col3d.data.sized import Joined, Resized
 
 SIZE = (64, 80)

@@ -13,17 +13,17 @@ import torch
 from torch import Tensor
 
 from col3d.batch import Batch, normals_mask
-from col3d.callbacks.per_frame import PerFrameTable
-from col3d.data.codes import decode, encode
-from col3d.data.folder import FolderFrames
+from col3d.data.cache import Recipe, Stored, read_video
+from col3d.data.cache.codes import decode, encode
+from col3d.data.cache.write import write_video
+from col3d.data.datasets.folder import FolderFrames
 from col3d.data.resize import Resize
 from col3d.data.sized import Resized, collated
-from col3d.data.store import Recipe, Stored, read_video
-from col3d.data.store.write import write_video
 from col3d.data.transforms import crop, rotate
+from col3d.evaluation.per_frame_table import PerFrameTable
 from col3d.losses.weighted import WeightedLoss
 from col3d.metrics import Protocol
-from col3d.tasks import SupervisedTask
+from col3d.training.tasks import SupervisedTask
 
 SIZE = (48, 66)
 UNIT = 1 / 256

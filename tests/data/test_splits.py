@@ -2,7 +2,7 @@
 
 import pytest
 
-from col3d.checks import DataError
+from col3d.data.datasets.videos import describe, video_table
 from col3d.data.splits import (
     SPLITS,
     Selection,
@@ -11,7 +11,7 @@ from col3d.data.splits import (
     parse_selection,
     selection_of_any_video,
 )
-from col3d.data.videos import describe, video_table
+from col3d.errors import DataError
 
 
 def test_the_papers_numbers_of_frames() -> None:

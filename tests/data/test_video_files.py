@@ -9,10 +9,10 @@ import pytest
 import tifffile
 from PIL import Image
 
-from col3d.checks import DataError
-from col3d.data.containers import container_of, declared_length, missing_bytes
-from col3d.data.images import image_source
-from col3d.data.sources import Shot
+from col3d.data.files.containers import container_of, declared_length, missing_bytes
+from col3d.data.files.images import image_source
+from col3d.data.files.sources import SourceImage
+from col3d.errors import DataError
 
 SIZE = (64, 96)
 SHADES = (20, 60, 100, 140, 180)
@@ -35,7 +35,7 @@ def video(path: Path, code: str = "mp4v", frames: int = 5) -> Path:
 
 def read(path: Path) -> tuple[list[int], list[str]]:
     """The shade of each picture, and what is wrong."""
-    shots: list[Shot] = list(image_source(str(path)))
+    shots: list[SourceImage] = list(image_source(str(path)))
     shades = [round(float(shot.image[..., 0].mean())) for shot in shots if shot.image is not None]
     return shades, [shot.fault for shot in shots if shot.fault]
 

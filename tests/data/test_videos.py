@@ -4,8 +4,7 @@ from collections import Counter
 
 import pytest
 
-from col3d.data.splits import Selection, expand, parse_selection, selection_of_any_video
-from col3d.data.videos import (
+from col3d.data.datasets.videos import (
     canonical_name,
     catalogue,
     describe,
@@ -14,6 +13,7 @@ from col3d.data.videos import (
     seeded_name,
     video_table,
 )
+from col3d.data.splits import Selection, expand, parse_selection, selection_of_any_video
 
 
 def test_how_many_there_are_of_each_kind() -> None:

@@ -6,9 +6,9 @@ import pytest
 import torch
 from pages import PROJECT, blocks
 
-from col3d.metric_specs import OURS, MetricSpec
 from col3d.metrics.measure import measure
 from col3d.registry import METRICS, available
+from col3d.registry.metric_specs import OURS, MetricSpec
 
 PAGE = PROJECT / "docs" / "protocols.md"
 OVER_PIXELS = {"mean": "mean", "root": "root of the mean square", None: "left out"}

@@ -7,8 +7,6 @@ import pytest
 import torch
 import trimesh
 
-from col3d.fusion import Surface, Volume, compare
-from col3d.fusion.volume import _projected
 from col3d.geometry import (
     Camera,
     FisheyeCamera,
@@ -16,6 +14,8 @@ from col3d.geometry import (
     PinholeCamera,
     RadialTangentialCamera,
 )
+from col3d.inference.fusion import Surface, Volume, compare
+from col3d.inference.fusion.volume import _projected
 
 RADIUS = 30.0
 LENS = OmnidirectionalCamera.c3vd().resized((135, 169))

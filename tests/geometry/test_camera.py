@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from torch import Tensor
 from torch.nn.functional import interpolate
 
-from col3d.data.octagon import octagon_mask
+from col3d.data.datasets.octagon import octagon_mask
 from col3d.geometry import (
     Camera,
     FisheyeCamera,

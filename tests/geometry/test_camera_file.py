@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from col3d.checks import DataError
+from col3d.errors import DataError
 from col3d.geometry import (
     Camera,
     FisheyeCamera,

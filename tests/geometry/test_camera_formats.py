@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from col3d.checks import DataError
+from col3d.errors import DataError
 from col3d.geometry import Camera, FisheyeCamera, OmnidirectionalCamera, PinholeCamera, RadialTangentialCamera
 from col3d.geometry.camera_file import read_camera, read_lens
 

@@ -8,7 +8,7 @@ from torch import Tensor, nn
 
 from col3d.layers.encoder import Encoder
 from col3d.layers.freeze import POLICIES, freeze
-from col3d.optimisation import parameter_groups
+from col3d.training.parameter_groups import parameter_groups
 
 IMAGE = torch.randn(2, 3, 64, 64, generator=torch.Generator().manual_seed(0))
 

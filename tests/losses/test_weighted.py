@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from col3d.batch import Batch, Prediction
-from col3d.checks import UserError
+from col3d.errors import UserError
 from col3d.geometry import Camera, OmnidirectionalCamera, PinholeCamera, normals_from_depth
 from col3d.losses import WeightedLoss, cross_task_l1, cross_task_rmse, normal_l1, normal_rmse, silog
 from col3d.losses.depth_regression import depth_l1, rmse_log

@@ -7,9 +7,9 @@ import pytest
 import torch
 from torch import Tensor, distributed, multiprocessing
 
-from col3d.metric_specs import OURS
 from col3d.metrics import DepthMetrics, FrameMean, NormalMetrics
 from col3d.metrics.functional import DEPTH_METRICS, NORMAL_METRICS, depth_metrics, normal_metrics
+from col3d.registry.metric_specs import OURS
 
 FRAMES = 7
 

@@ -10,12 +10,12 @@ import pytest
 import torch
 from torch import Tensor
 
-from col3d.metric_specs import RANGES
 from col3d.metrics.functional import NORMAL_METRICS, boundary_f1, depth_metrics, normal_metrics
 from col3d.metrics.functional.depth import depth_errors
 from col3d.metrics.functional.normals import normal_errors
 from col3d.metrics.functional.ranges import range_errors
 from col3d.metrics.measure import measure
+from col3d.registry.metric_specs import RANGES
 from tests.parity import needs_parity
 
 GENERATOR = torch.Generator().manual_seed(0)

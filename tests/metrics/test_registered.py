@@ -8,8 +8,7 @@ import torch
 from pydantic import Field
 from torch import Tensor
 
-from col3d.checks import OptionError, UserError
-from col3d.metric_specs import OURS, MetricSpec, specs_from
+from col3d.errors import OptionError, UserError
 from col3d.metrics import Protocol, TaskMetrics, registered_specs
 from col3d.metrics.measure import measure, try_metrics
 from col3d.metrics.options import metric_options
@@ -22,6 +21,7 @@ from col3d.registry import (
     register_metrics,
     register_model,
 )
+from col3d.registry.metric_specs import OURS, MetricSpec, specs_from
 from col3d.reports.paper_tables import methods
 
 MAPS = (

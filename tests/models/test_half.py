@@ -4,8 +4,8 @@ import pytest
 import torch
 from small import small
 
-from col3d.app.half import HalfNetwork
-from col3d.app.traced import sample
+from col3d.inference.export.half_precision import HalfNetwork
+from col3d.inference.export.traced import sample
 
 
 @pytest.mark.parametrize("name", ["bts", "bts_cbam", "col3d_mtl", "newcrfs", "monodepth_fpn", "pix2pix"])

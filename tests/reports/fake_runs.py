@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from col3d.metric_specs import PAPER_DEPTH, PAPER_NORMALS
+from col3d.registry.metric_specs import PAPER_DEPTH, PAPER_NORMALS
 from col3d.reports.paper_tables import methods
 from col3d.reports.per_frame import write_per_frame
 from col3d.reports.summary import summarise, write_json

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from col3d.earlier import updated
+from col3d.registry.earlier import updated
 from col3d.reports.experiments import (
     Experiment,
     ablation_row,

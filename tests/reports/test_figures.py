@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 import pytest
 
-from col3d.metric_specs import OURS
+from col3d.io.predictions import PredictionWriter, StoredPredictions
+from col3d.registry.metric_specs import OURS
 from col3d.reports.figures import (
     DRAW,
     choice,
@@ -23,11 +24,10 @@ from col3d.reports.figures import (
 from col3d.reports.figures.bins import quartiles
 from col3d.reports.figures.figure import LARGEST_FILE, blank, save
 from col3d.reports.figures.maps import angle_between, read_guess, read_truth
-from col3d.reports.figures.material import Material, material_of
+from col3d.reports.figures.material import FigureData, material_of
 from col3d.reports.figures.plots import axis_label
 from col3d.reports.figures.style import PALETTE, Look, Style, ball, styles_of
 from col3d.reports.per_frame import read_per_frame, write_per_frame
-from col3d.reports.predictions import PredictionWriter, StoredPredictions
 from col3d.reports.runs import Found, Run, read_runs
 from tests.reports.fake_runs import VIDEOS, change_summary, write_paper, write_run
 
@@ -85,7 +85,7 @@ def paper(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def material(paper: Path) -> Material:
+def material(paper: Path) -> FigureData:
     return material_of(read_runs(paper / "runs"), paper / "truth")
 
 
@@ -213,7 +213,7 @@ def test_the_middle_frame_of_each_segment() -> None:
     assert choice.one_a_segment(run) == {("a", 9): "cecum", ("a", 3): "sigmoid", ("b", 15): "other"}
 
 
-def test_the_best_method_is_that_of_the_lowest_mean(material: Material) -> None:
+def test_the_best_method_is_that_of_the_lowest_mean(material: FigureData) -> None:
     means = {m.label: np.mean(m.runs[0].frames["abs_rel"]) for m in material.main.methods}
     assert material.main.best(material.main.methods).label == min(means, key=lambda label: means[label])
 
@@ -232,7 +232,7 @@ def test_quartiles_equal_a_slow_loop() -> None:
     assert not np.isnan(found.median).all()
 
 
-def test_pixels_of_errors_are_those_that_count(material: Material) -> None:
+def test_pixels_of_errors_are_those_that_count(material: FigureData) -> None:
     method, frames = material.main.methods[0], [("cecum_t2_a", 0), ("trans_t3_b", 2)]
     truth = material.known_truth()
     pixels = error_against.read_pixels(truth, method, frames)
@@ -247,13 +247,13 @@ def test_pixels_of_errors_are_those_that_count(material: Material) -> None:
     assert pixels.curve("absolute", "off_axis")[1].counts.sum() == len(relative)
 
 
-def test_frames_are_evenly_spaced(material: Material) -> None:
+def test_frames_are_evenly_spaced(material: FigureData) -> None:
     assert error_against.evenly(material.main.methods[0]) == [
         (v, n) for v in sorted(VIDEOS) for n in range(FRAMES)
     ]
 
 
-def test_errors_of_maps(material: Material) -> None:
+def test_errors_of_maps(material: FigureData) -> None:
     frame = ("desc_t4_a", 1)
     method = next(m for m in material.main.methods if m.label == "Col3D-MTL")
     known = read_truth(material.known_truth(), frame)
@@ -273,7 +273,7 @@ def test_small_angles_are_not_lost() -> None:
     assert angle_between(turned, np.array([[0, 0, 1.0]]))[0] == pytest.approx(np.degrees(1e-6), rel=1e-9)
 
 
-def test_colours_of_methods_are_fixed(paper: Path, material: Material) -> None:
+def test_colours_of_methods_are_fixed(paper: Path, material: FigureData) -> None:
     """Whatever else was run, and the same in every table; variants of a network differ by their dashes."""
     alone = material_of(Found(read_runs(paper / "runs").runs[:1], ()), None)
     styles = {m.label: m.style for group in material.groups.values() for m in group.methods}
@@ -308,7 +308,7 @@ def test_the_ball_is_the_key_of_normals() -> None:
     assert key[0, 0, 3] == 0
 
 
-def test_triples_of_weights_are_in_the_order_of_abs_rel(material: Material) -> None:
+def test_triples_of_weights_are_in_the_order_of_abs_rel(material: FigureData) -> None:
     lines = lambda_study.lines_of(material.groups["lambda"])
     assert {line.label: line.weights for line in lines} == {
         "(0.5, 0.3, 0.2)": (0.5, 0.3, 0.2),
@@ -317,7 +317,7 @@ def test_triples_of_weights_are_in_the_order_of_abs_rel(material: Material) -> N
     assert lines[0].results[0] < lines[1].results[0]
 
 
-def test_curves_are_values_by_epoch(material: Material) -> None:
+def test_curves_are_values_by_epoch(material: FigureData) -> None:
     found = training_curves.curves(material.main.methods[0].runs[0])
     assert {name: (x.tolist(), y.tolist()) for name, (x, y) in found.items()} == {
         "val/abs_rel": ([1, 2], [0.5, 0.4]),

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from col3d.metric_specs import OURS, MetricSpec
+from col3d.registry.metric_specs import OURS, MetricSpec
 from col3d.reports.per_frame import (
     IDENTITY,
     Row,

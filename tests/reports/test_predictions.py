@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from col3d.reports.predictions import PredictionWriter, StoredPredictions, read_facts
+from col3d.io.predictions import PredictionWriter, StoredPredictions, read_facts
 
 FACTS = {"max_depth": 100.0, "split": "test"}
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from col3d.checks import UserError
+from col3d.errors import UserError
 from col3d.reports.run_page import write_run_page
 from col3d.reports.scenes import read_frame, save_frame
 from tests.reports.fake_runs import DEPTH_METRICS

@@ -9,9 +9,8 @@ from typing import Any
 
 import pytest
 
-from col3d.app.job import JobStatus
-from col3d.checks import UserError
-from col3d.owned import Owned
+from col3d.errors import UserError
+from col3d.io.ownership import Owned
 from col3d.reports.experiments import experiments_of
 from col3d.reports.jobs import RESULT, STATUS, add_to_plan, read_plain, read_sweep
 from col3d.reports.ledger import main as ledger
@@ -19,6 +18,7 @@ from col3d.reports.page import write_report
 from col3d.reports.run_page import write_run_page
 from col3d.reports.runs import read_runs
 from col3d.reports.summary import print_summary
+from col3d.runs.status import JobStatus
 from tests.reports.fake_runs import write_run
 
 WRONG = (None, [], {}, "x", [[1]], {"x": {"x": []}}, True, -1, 10**400, float("inf"), [{}], {"x": "y"})

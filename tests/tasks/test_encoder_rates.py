@@ -6,14 +6,14 @@ import pytest
 import torch
 from torch import nn
 
-from col3d.checks import OptionError
+from col3d.errors import OptionError
 from col3d.layers.freeze import check_learns
 from col3d.models import create
 from col3d.models.options import model_options
-from col3d.optimisation import layers_of
-from col3d.optimizers import check_encoder, node, optimizer_of, optimizer_options
 from col3d.registry import OPTIMIZERS
-from col3d.schedulers import scheduler_of, scheduler_options
+from col3d.training.optimizers import check_encoder, node, optimizer_of, optimizer_options
+from col3d.training.parameter_groups import layers_of
+from col3d.training.schedulers import scheduler_of, scheduler_options
 
 
 class Network(nn.Module):

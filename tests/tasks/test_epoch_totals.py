@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor
 
-from col3d.tasks.epoch_totals import EpochTotals
+from col3d.training.tasks.epoch_totals import EpochTotals
 
 CPU = torch.device("cpu")
 

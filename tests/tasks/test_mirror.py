@@ -8,9 +8,9 @@ import torch
 from torch import Tensor, nn
 
 from col3d.batch import Batch, Prediction
+from col3d.evaluation.mirror import mirror_average
 from col3d.geometry import OmnidirectionalCamera, unit
-from col3d.tasks import SupervisedTask
-from col3d.tasks.mirror import mirror_average
+from col3d.training.tasks import SupervisedTask
 
 CAMERA = OmnidirectionalCamera.c3vd().resized((12, 40))
 GENERATOR = torch.Generator().manual_seed(0)

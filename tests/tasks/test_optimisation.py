@@ -9,7 +9,7 @@ import torch
 from torch import nn
 from torch.optim.lr_scheduler import LRScheduler
 
-from col3d.optimisation import parameter_groups, polynomial_decay, step_decay
+from col3d.training.parameter_groups import parameter_groups, polynomial_decay, step_decay
 
 
 class Halves(nn.Module):

@@ -6,10 +6,10 @@ import pytest
 import torch
 from torch import nn
 
-from col3d.checks import OptionError
-from col3d.optimizers import node, optimizer_of, optimizer_options
-from col3d.refusals import checked
+from col3d.errors import OptionError
 from col3d.registry import OPTIMIZERS, available, register_optimizer
+from col3d.registry.refusals import checked
+from col3d.training.optimizers import node, optimizer_of, optimizer_options
 
 COMPILED = ("kron", "kronc", "kronw")
 """Those whose first step compiles code for half a minute."""

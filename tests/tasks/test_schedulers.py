@@ -12,10 +12,10 @@ from torch import nn
 from torch.optim import lr_scheduler
 from torch.utils.data import DataLoader
 
-from col3d.checks import OptionError, UserError
-from col3d.refusals import checked
+from col3d.errors import OptionError, UserError
 from col3d.registry import SCHEDULERS, available, describe, register_scheduler
-from col3d.schedulers import (
+from col3d.registry.refusals import checked
+from col3d.training.schedulers import (
     SchedulerOptions,
     interval_of,
     is_of_length,
@@ -24,7 +24,7 @@ from col3d.schedulers import (
     scheduler_options,
     try_schedule,
 )
-from col3d.tasks import SupervisedTask
+from col3d.training.tasks import SupervisedTask
 
 NEEDED: dict[str, dict[str, Any]] = {
     "OneCycleLR": {"max_lr": 0.1},
@@ -203,7 +203,7 @@ def test_each_mistake_is_one_line(given: dict[str, Any], message: str) -> None:
     ],
 )
 def test_values_are_held_against_the_signature(name: str, given: dict[str, Any], message: str) -> None:
-    from col3d.schedulers import _base
+    from col3d.training.schedulers import _base
 
     part = SCHEDULERS[name]
     with pytest.raises(OptionError) as error:

@@ -8,7 +8,7 @@ from lightning import Trainer
 from tiny_task import LOSS, QUIET, TinyNetwork, adam, frames
 from torch.utils.data import DataLoader
 
-from col3d.tasks import SupervisedTask
+from col3d.training.tasks import SupervisedTask
 
 
 def fitted(items: list[dict[str, Any]], epochs: int = 1) -> dict[str, float]:

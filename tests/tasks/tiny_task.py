@@ -13,8 +13,8 @@ from torch.utils.data import DataLoader, DistributedSampler
 
 from col3d.batch import Prediction
 from col3d.losses import WeightedLoss
-from col3d.optimisation import step_decay
-from col3d.tasks import AdversarialTask
+from col3d.training.parameter_groups import step_decay
+from col3d.training.tasks import AdversarialTask
 
 MAX_DEPTH = 100.0
 QUIET: dict[str, Any] = {

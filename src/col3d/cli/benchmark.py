@@ -3,12 +3,12 @@
 from pathlib import Path
 from typing import Any
 
-from col3d.app.benchmark import make_job, run_benchmark
-from col3d.app.config import BenchmarkFile
 from col3d.cli.program import composed
 from col3d.cli.resolvers import slug
 from col3d.cli.sweeps import given_overrides, sweep_of
-from col3d.refusals import check_options
+from col3d.registry.refusals import check_options
+from col3d.training.benchmark import make_job, run_benchmark
+from col3d.training.options import BenchmarkFile
 
 
 def benchmark(given: dict[str, Any]) -> None:

@@ -48,10 +48,10 @@ def _options(program: str, before: list[str], last: str) -> list[str]:
     """
     from hydra.errors import HydraException
 
-    from col3d.checks import OptionError, UserError
     from col3d.cli.files import CONF, names_in
     from col3d.cli.parts import load_plugins, offer_parts
     from col3d.cli.refusals import option_names
+    from col3d.errors import OptionError, UserError
 
     if not (CONF / f"{program}.yaml").is_file():
         return []

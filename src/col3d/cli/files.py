@@ -2,8 +2,7 @@
 
 from pathlib import Path
 
-from col3d import plugins
-from col3d.registry import GROUPS
+from col3d.registry import GROUPS, plugins
 
 CONF = Path(__file__).parents[1] / "conf"
 

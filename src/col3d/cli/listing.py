@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-from col3d.checks import OptionError, nearest_name
 from col3d.cli.parts import load_plugins
+from col3d.errors import OptionError, nearest_name
 from col3d.registry import KINDS, Registry, describe
 
 

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 
-from col3d import early
-from col3d.checks import OptionError, nearest_name
+from col3d.errors import OptionError, nearest_name
+from col3d.signals import startup as early
 
 EXIT_CODE = 2
 HELP = ("--help", "-h", "help")

@@ -15,13 +15,13 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, read_write
 from omegaconf.errors import OmegaConfBaseException
 
-from col3d.app import provenance
-from col3d.app.replacing import begin
-from col3d.checks import UserError
 from col3d.cli.files import CONF
 from col3d.cli.searches import take_up
 from col3d.cli.sweeps import jobs_of
+from col3d.errors import UserError
 from col3d.reports.jobs import add_to_plan
+from col3d.runs import provenance
+from col3d.runs.overwriting import begin
 
 BUILT_BY = ("_target_", "()", "class")
 """Keys whose value Hydra, or the configuration of logging, imports and calls."""
@@ -47,7 +47,7 @@ ALLOWED = (
 )
 
 
-def look_over(config_name: str, arguments: Sequence[str], command: Sequence[str]) -> Path | None:
+def preflight(config_name: str, arguments: Sequence[str], command: Sequence[str]) -> Path | None:
     """Refuse what must not be built, and write the jobs of a sweep into its folder for the ledger.
 
     What cannot be composed is left to Hydra's own run, which says why.
@@ -58,7 +58,7 @@ def look_over(config_name: str, arguments: Sequence[str], command: Sequence[str]
         command: the words before it.
 
     Returns:
-        The folder of a sweep that overwrites its runs; see `col3d.app.replacing`.
+        The folder of a sweep that overwrites its runs; see `col3d.runs.overwriting`.
 
     Raises:
         UserError: a file of the configuration, or the command line, asks for something else to be built.

@@ -12,10 +12,9 @@ from hydra.plugins.config_source import ConfigResult, ConfigSource
 from hydra.plugins.search_path_plugin import SearchPathPlugin
 from omegaconf import OmegaConf
 
-from col3d import plugins
-from col3d.checks import OptionError
-from col3d.registry import DATASETS, GROUPS, Part
-from col3d.schema import is_group
+from col3d.errors import OptionError
+from col3d.registry import DATASETS, GROUPS, Part, plugins
+from col3d.registry.schema import is_group
 
 OPTION = "plugins="
 USUAL = {"task": "supervised"}

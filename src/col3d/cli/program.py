@@ -18,19 +18,19 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 import col3d.cli.resolvers  # noqa: F401  what ${...} can compute
-from col3d import plugins
-from col3d.app.replacing import end
-from col3d.checks import DataError, OptionError, TakenError, UserError
 from col3d.cli.again import Again
 from col3d.cli.choices import as_groups, check_choices
 from col3d.cli.files import CONF
-from col3d.cli.overview import look_over
+from col3d.cli.overview import preflight
 from col3d.cli.parts import load_plugins, offer_parts
 from col3d.cli.paths import as_typed
 from col3d.cli.refusals import explain, refuse
-from col3d.owned import Owned
+from col3d.errors import DataError, OptionError, RunLockedError, UserError
+from col3d.io.ownership import Owned
+from col3d.registry import plugins
 from col3d.reports.jobs import STATUS, TRAINING, read_plain
 from col3d.reports.summary import write_json
+from col3d.runs.overwriting import end
 
 BAD_INPUT = (DataError, OptionError, UserError, OSError)
 INTERRUPTED = 130
@@ -74,7 +74,7 @@ def launch(config_name: str, run: Run, words: Sequence[str]) -> None:
             assert isinstance(given, dict)
             with again.by_itself():
                 return run(_plain(given, config_name))
-        except TakenError as error:
+        except RunLockedError as error:
             if HydraConfig.get().mode == RunMode.MULTIRUN:
                 return print(f"left to its process: {error}", flush=True)
             refuse(explain(error, config_name))
@@ -87,7 +87,7 @@ def launch(config_name: str, run: Run, words: Sequence[str]) -> None:
             refuse(explain(error, config_name))
 
     try:
-        sweep = look_over(config_name, arguments, again.command)
+        sweep = preflight(config_name, arguments, again.command)
         hydra_main(version_base="1.3", config_path=str(CONF), config_name=config_name)(job)()
         if sweep is not None:
             end(sweep)

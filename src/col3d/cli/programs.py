@@ -6,15 +6,15 @@ from typing import Any
 from col3d.cli.program import launch
 
 RUNS = {
-    "train": "col3d.app.train:train",
-    "evaluate": "col3d.app.evaluate:evaluate",
-    "predict": "col3d.app.predict:predict",
-    "fuse": "col3d.app.fuse:fuse",
-    "export": "col3d.app.export:export",
-    "demo": "col3d.demo.serve:serve",
-    "download": "col3d.app.download:download",
-    "prepare": "col3d.app.prepare:prepare",
-    "verify": "col3d.app.verify:verify",
+    "train": "col3d.training.train:train",
+    "evaluate": "col3d.evaluation.evaluate:evaluate",
+    "predict": "col3d.inference.predict:predict",
+    "fuse": "col3d.inference.fusion.fuse:fuse",
+    "export": "col3d.inference.export.export:export",
+    "demo": "col3d.inference.demo.serve:serve",
+    "download": "col3d.data.download.download:download",
+    "prepare": "col3d.data.cache.prepare:prepare",
+    "verify": "col3d.data.checks.verify:verify",
     "benchmark": "col3d.cli.benchmark:benchmark",
 }
 """Imported once the options are composed, so that help and refusals answer at once."""

@@ -12,9 +12,9 @@ from hydra.errors import HydraException, OverrideParseException
 from omegaconf import OmegaConf
 from omegaconf.errors import InterpolationResolutionError
 
-from col3d.checks import DataError, OptionError, UserError, nearest_name
 from col3d.cli.files import CONF, is_group, names_in
 from col3d.cli.paths import quoted
+from col3d.errors import DataError, OptionError, UserError, nearest_name
 from col3d.registry import GROUPS
 
 EXIT_CODE = 2

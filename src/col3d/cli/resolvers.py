@@ -7,8 +7,8 @@ from typing import Any
 
 from omegaconf import DictConfig, ListConfig, OmegaConf
 
-from col3d.checks import UserError
 from col3d.cli.files import CONF, names_in
+from col3d.errors import UserError
 from col3d.registry import DATASETS
 
 LONGEST_NAME = 100
@@ -40,7 +40,7 @@ def size_of(preset: str | None, data: str) -> Any:
 
 def colons(*bounds: Any) -> list[str]:
     """Names of a phantom's videos with their seeds, from a first number to a last, for each two bounds."""
-    from col3d.data.videos import seeded_videos
+    from col3d.data.datasets.videos import seeded_videos
 
     pairs = list(zip(bounds[::2], bounds[1::2], strict=False))
     whole = all(type(bound) is int for bound in bounds) and len(bounds) % 2 == 0

@@ -9,8 +9,8 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
 from omegaconf import OmegaConf
 
-from col3d.checks import UserError, nearest_name
 from col3d.cli.files import CONF
+from col3d.errors import UserError, nearest_name
 
 SWEPT = "hydra.sweeper.params"
 

@@ -7,21 +7,22 @@ from typing import Any
 
 import torch
 from lightning import LightningDataModule
+from lightning.fabric.utilities import move_data_to_device
 from torch.utils.data import BatchSampler, DataLoader, Dataset, DistributedSampler, Sampler
 
 from col3d.batch import Batch
-from col3d.checks import DataError
-from col3d.data.codes import Codes, decode
+from col3d.data.cache.codes import QuantizedBatch, decode
 from col3d.data.sized import SizedFrames
 from col3d.data.transforms import Augment
 from col3d.data.workers import SteadyLoader
+from col3d.errors import DataError
 from col3d.geometry import Camera
 from col3d.geometry.camera_file import plain_from_camera
 
 Frames = Dataset[dict[str, Any]]
 
 
-class InCodes(Dataset[Codes]):
+class QuantizedDataset(Dataset[QuantizedBatch]):
     """Frames for a loader: whole batches of codes, which are a third of what they decode to."""
 
     def __init__(self, frames: SizedFrames, cameras: Sequence[Camera]) -> None:
@@ -31,14 +32,14 @@ class InCodes(Dataset[Codes]):
     def __len__(self) -> int:
         return len(self.frames)
 
-    def __getitems__(self, indices: Sequence[int]) -> Codes:
+    def __getitems__(self, indices: Sequence[int]) -> QuantizedBatch:
         """Frames as one batch."""
         codes = self.frames.codes(indices)
         return codes | {"lens": self.lenses[codes["lens"]]}
 
 
-def as_it_is(batch: Any) -> Any:
-    """What `InCodes` gives needs no collation."""
+def identity_collate(batch: Any) -> Any:
+    """What `QuantizedDataset` gives needs no collation."""
     return batch
 
 
@@ -78,7 +79,7 @@ class WeightedOrder(Sampler[int]):
         return iter(order[self.rank :: self.world_size].tolist())
 
 
-class EveryFrameOnce(Sampler[int]):
+class ShardedSampler(Sampler[int]):
     """Frames rank, rank + world, ... : each is seen by one process, and none twice."""
 
     def __init__(self, length: int, rank: int, world_size: int) -> None:
@@ -209,10 +210,30 @@ class FrameDataModule(LightningDataModule):
 
     def on_after_batch_transfer(self, batch: Any, dataloader_idx: int) -> Batch:
         """Decode, and augment training batches."""
-        house: Batch = decode(batch, self.cameras) if "lens" in batch else batch
+        house = self._decoded(batch)
         if self.augment is None or self.trainer is None or not self.trainer.training:
             return house
         return self.augment(house, self.seed, self.trainer.current_epoch)
+
+    def frames_in_order(
+        self, split: str, device: torch.device, limit: float | None = None
+    ) -> Iterator[Batch]:
+        """The frames of a part on a device, each once; of the processes of a training each has its own.
+
+        Args:
+            split: the part.
+            device: where batches go.
+            limit: of batches: their number, or a share below 1.
+        """
+        loader = self._evaluation(split)
+        whole = limit is None or isinstance(limit, int)
+        most = limit if whole else max(1, int(len(loader) * float(limit or 0)))
+        for batch in itertools.islice(loader, most):
+            yield self._decoded(move_data_to_device(batch, device))
+
+    def _decoded(self, batch: Any) -> Batch:
+        decoded: Batch = decode(batch, self.cameras) if "lens" in batch else batch
+        return decoded
 
     def _check_lengths(self, world_size: int) -> None:
         for split, length in self.lengths().items():
@@ -224,19 +245,23 @@ class FrameDataModule(LightningDataModule):
 
     def _evaluation(self, split: str) -> DataLoader[Any]:
         rank, world_size = self._place()
-        return self._loader(split, EveryFrameOnce(self.lengths()[split], rank, world_size))
+        return self._loader(split, ShardedSampler(self.lengths()[split], rank, world_size))
 
     def _loader(self, split: str, sampler: Sampler[int]) -> ResumableLoader:
         frames = self.frames[split]
-        coded = InCodes(frames, self.cameras) if isinstance(frames, SizedFrames) else None
+        coded = QuantizedDataset(frames, self.cameras) if isinstance(frames, SizedFrames) else None
         return ResumableLoader(
             frames if coded is None else coded,
             batch_sampler=LaterBatches(sampler, self.batch_size, drop_last=False),
-            collate_fn=None if coded is None else as_it_is,
+            collate_fn=None if coded is None else identity_collate,
             num_workers=self.workers,
             persistent_workers=self.workers > 0,
             pin_memory=torch.cuda.is_available(),
         )
 
     def _place(self) -> tuple[int, int]:
-        return (0, 1) if self.trainer is None else (self.trainer.global_rank, self.trainer.world_size)
+        if self.trainer is not None:
+            return self.trainer.global_rank, self.trainer.world_size
+        if torch.distributed.is_initialized():
+            return torch.distributed.get_rank(), torch.distributed.get_world_size()
+        return 0, 1

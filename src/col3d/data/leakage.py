@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from col3d.data.datasets.videos import described, seeded_name
 from col3d.data.splits import selection_of_any_video
-from col3d.data.videos import described, seeded_name
 
 
 @dataclass(frozen=True)

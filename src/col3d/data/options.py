@@ -7,9 +7,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, PlainValidator, PositiveFloat, PositiveInt, SerializeAsAny, model_validator
 
-from col3d.checks import OptionError
+from col3d.errors import OptionError
 from col3d.registry import DATASETS, Part
-from col3d.schema import Options, defaults
+from col3d.registry.schema import Options, defaults
 
 Split = Literal["train", "val", "test"]
 Probability = Annotated[float, Field(ge=0, le=1)]
@@ -136,6 +136,11 @@ def _checked(given: Any, base: type[SourceOptions]) -> SourceOptions:
 Source = Annotated[SerializeAsAny[SourceOptions], PlainValidator(source_options)]
 Data = Annotated[SerializeAsAny[DataOptions], PlainValidator(data_options)]
 DataOptions.model_rebuild()
+
+
+def of_the_table() -> list[str]:
+    """Data sets whose videos are those of `videos.csv`."""
+    return [name for name in DATASETS.names() if DATASETS[name].facts["table"]]
 
 
 def built(source: SourceOptions, entries: Sequence[str], **supplied: Any) -> Any:

@@ -19,7 +19,7 @@ import cv2
 import torch
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from col3d.checks import DataError, UserError, naming
+from col3d.errors import DataError, UserError, naming
 
 POLL_SECONDS = 0.2
 PARTIAL = ".partial-"

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 from torch import Tensor
 from torch.nn.functional import interpolate
 
-from col3d.data.frames import FrameSet
+from col3d.data.datasets.frame_set import FrameSet
 from col3d.geometry import Camera
 from col3d.geometry.normals import unit_in_place
 

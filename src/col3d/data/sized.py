@@ -8,8 +8,8 @@ import torch
 from torch import Tensor
 from torch.utils.data import Dataset
 
-from col3d.data.codes import Codes, decode, encode
-from col3d.data.frames import FrameSet
+from col3d.data.cache.codes import QuantizedBatch, decode, encode
+from col3d.data.datasets.frame_set import FrameSet
 from col3d.data.resize import Resize
 from col3d.geometry import Camera
 
@@ -18,7 +18,7 @@ class SizedFrames(Dataset[dict[str, Any]], ABC):
     """Frames of one size whose values are those of their codes, whatever they are read from.
 
     Attributes:
-        cameras: that saw them, at their size; `Codes.lens` counts these.
+        cameras: that saw them, at their size; `QuantizedBatch.lens` counts these.
         videos: of each frame, in order.
         releases: by video, of the data set that its files follow; empty where there is none.
         dense_truth: see `FrameSet`.
@@ -30,7 +30,7 @@ class SizedFrames(Dataset[dict[str, Any]], ABC):
     dense_truth: bool
 
     @abstractmethod
-    def codes(self, indices: Sequence[int]) -> Codes:
+    def codes(self, indices: Sequence[int]) -> QuantizedBatch:
         """Frames as a batch of codes."""
 
     def __len__(self) -> int:
@@ -52,7 +52,7 @@ class Resized(SizedFrames):
         self.videos = [frame.video for frame in frames.frames]
         self.releases = dict(frames.releases)
 
-    def codes(self, indices: Sequence[int]) -> Codes:
+    def codes(self, indices: Sequence[int]) -> QuantizedBatch:
         """Frames as a batch of codes."""
         return collated([self.encoded(index) for index in indices])
 
@@ -88,7 +88,7 @@ class Joined(SizedFrames):
         self.releases = {video: release for part in parts for video, release in part.releases.items()}
         self.places = [(n, i) for n, part in enumerate(parts) for i in range(len(part))]
 
-    def codes(self, indices: Sequence[int]) -> Codes:
+    def codes(self, indices: Sequence[int]) -> QuantizedBatch:
         """Frames as a batch of codes."""
         return collated([self._one(*self.places[index]) for index in indices])
 
@@ -100,7 +100,7 @@ class Joined(SizedFrames):
         }
 
 
-def collated(items: Sequence[dict[str, Any]]) -> Codes:
+def collated(items: Sequence[dict[str, Any]]) -> QuantizedBatch:
     """Items as one batch, in memory that processes share where a worker loads them."""
     batch: dict[str, Any] = {}
     for key in items[0]:

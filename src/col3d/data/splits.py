@@ -5,8 +5,15 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from col3d.checks import DataError, nearest_name
-from col3d.data.videos import canonical_name, catalogue, frames_of, other_names, seeded_name, video_table
+from col3d.data.datasets.videos import (
+    canonical_name,
+    catalogue,
+    frames_of,
+    other_names,
+    seeded_name,
+    video_table,
+)
+from col3d.errors import DataError, nearest_name
 
 SPLITS = ("train", "val", "test")
 

@@ -17,7 +17,7 @@ from typing import Any
 
 import torch
 
-from col3d.checks import DataError
+from col3d.errors import DataError
 from col3d.geometry import calibration
 from col3d.geometry.calibration import check_rest, checked_size, numbers
 from col3d.geometry.camera import Camera, PinholeCamera

@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from col3d.checks import OptionError
+from col3d.errors import OptionError
 from col3d.layers.conv import UpFuse, batch_norm, conv_elu
 
 RATES = (3, 6, 12, 18, 24)

@@ -6,9 +6,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from col3d.geometry.precision import at_least_float32
 from col3d.layers.conv import FuseELU, UpConv, UpFuse, shrink
 from col3d.layers.planar import PlanarGuidance, Reduction
-from col3d.precision import at_least_float32
 
 
 class FinestDepth(nn.Module):

@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from col3d.checks import OptionError, nearest_name
+from col3d.errors import OptionError, nearest_name
 from col3d.layers.weight_file import check_archive, check_finite, check_fractions
 
 SCALES = (2, 4, 8, 16, 32)

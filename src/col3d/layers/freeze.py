@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable
 
 from torch import nn
 
-from col3d.checks import OptionError, check_known
+from col3d.errors import OptionError, check_known
 
 
 def _keep(*modules: nn.Module) -> None:

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from col3d.batch import Prediction
-from col3d.checks import OptionError, check_known
+from col3d.errors import OptionError, check_known
 from col3d.layers.normal_decoder import NORMAL_FRAMES, Features, NormalDecoder
 
 IMAGENET_MEAN = (0.485, 0.456, 0.406)
@@ -18,6 +18,11 @@ IMAGENET_STD = (0.229, 0.224, 0.225)
 def predicts(network: nn.Module, otherwise: tuple[str, ...] = ("depth",)) -> tuple[str, ...]:
     """What a network predicts: its `tasks`, where it says so."""
     return tuple(getattr(network, "tasks", otherwise))
+
+
+def measured_tasks(network: nn.Module) -> tuple[str, ...]:
+    """What is measured of a network: depth, and normals where it says that it predicts them."""
+    return ("depth", "normals") if "normals" in predicts(network) else ("depth",)
 
 
 def needs_rays(network: nn.Module) -> bool:

@@ -10,9 +10,9 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from col3d.geometry import camera_from_ray, ray_from_camera, unit
+from col3d.geometry.precision import at_least_float32
 from col3d.layers.conv import FuseELU, UpConv, UpFuse, init_xavier
 from col3d.layers.planar import Reduction, sphere_normals, spherical
-from col3d.precision import at_least_float32
 
 LEAST_FACING = 1e-3
 """Smallest share of a normal along minus its ray, beside the length across: 89.94 degrees at the most."""

@@ -3,7 +3,7 @@
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from col3d.checks import OptionError
+from col3d.errors import OptionError
 
 STD = 0.02
 

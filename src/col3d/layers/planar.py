@@ -10,8 +10,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from col3d.geometry.precision import at_least_float32
 from col3d.layers.conv import conv_elu
-from col3d.precision import at_least_float32
 
 SMALLEST_INCIDENCE = 1e-4
 

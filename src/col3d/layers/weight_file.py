@@ -9,7 +9,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from col3d.whole import BUFFER
+from col3d.io.atomic import BUFFER
 
 ARCHIVE = b"PK\x03\x04"
 """What the archives of torch.save begin with."""

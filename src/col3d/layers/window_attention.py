@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
-from col3d.precision import at_least_float32
+from col3d.geometry.precision import at_least_float32
 
 WINDOW = 7
 

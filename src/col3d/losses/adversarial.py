@@ -5,7 +5,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import binary_cross_entropy_with_logits
 
-from col3d.precision import at_least_float32
+from col3d.geometry.precision import at_least_float32
 
 
 def gan_loss(logits: Float[Tensor, "b *patches"], real: bool) -> Float[Tensor, ""]:

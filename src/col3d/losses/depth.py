@@ -5,8 +5,8 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from col3d.batch import check_maps
+from col3d.geometry.precision import at_least_float32
 from col3d.losses.masked import masked_mean, root
-from col3d.precision import at_least_float32
 
 SMALLEST_DEPTH = 1e-6
 """Depth in mm at which predictions enter the logarithm at the least: a sigmoid may underflow to zero."""

@@ -5,9 +5,9 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from col3d.batch import check_maps
+from col3d.geometry.precision import at_least_float32
 from col3d.losses.depth import silog
 from col3d.losses.masked import masked_mean
-from col3d.precision import at_least_float32
 
 
 def depth_l1(

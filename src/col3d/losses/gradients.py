@@ -10,8 +10,8 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from col3d.batch import check_maps
+from col3d.geometry.precision import at_least_float32
 from col3d.losses.masked import masked_mean
-from col3d.precision import at_least_float32
 
 
 def gradient_l1(

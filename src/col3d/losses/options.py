@@ -5,11 +5,10 @@ from typing import Annotated, Any
 
 from pydantic import Field, PlainValidator, SerializeAsAny
 
-from col3d.checks import OptionError
+from col3d.errors import OptionError
 from col3d.registry import BALANCERS, LOSSES, Part
-from col3d.schema import Options, defaults
-
-Weight = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+from col3d.registry.fields import NonNegative
+from col3d.registry.schema import Options, defaults
 
 USUAL = "fixed"
 """The balancer of a loss that names none."""
@@ -92,7 +91,7 @@ Balance = Annotated[SerializeAsAny[BalanceOptions] | None, PlainValidator(balanc
 class LossOptions(Options):
     """Terms of `col3d.losses.WeightedLoss` by name, and a weight for each, in their order."""
 
-    lambdas: list[Weight]
+    lambdas: list[NonNegative]
     terms: Annotated[dict[str, Term], Field(min_length=1)]
     balance: Balance = None
 

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from col3d.batch import Batch, Prediction
-from col3d.checks import OptionError, UserError
+from col3d.errors import OptionError, UserError
 from col3d.losses.balance import Balancer, Fixed
 from col3d.losses.options import TermOptions, own_options, term_options
 from col3d.registry import LOSSES

@@ -10,10 +10,10 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 from torch.nn.functional import normalize
 
-from col3d.checks import UserError
-from col3d.metric_specs import OURS, MetricSpec, by_name
+from col3d.errors import UserError
 from col3d.registry import METRICS, Part
-from col3d.schema import place_of
+from col3d.registry.metric_specs import OURS, MetricSpec, by_name
+from col3d.registry.schema import place_of
 
 Options = Mapping[str, Mapping[str, Any]]
 """Of metrics, by their names."""

@@ -5,9 +5,9 @@ from typing import Annotated, Any
 
 from pydantic import Field, PlainValidator
 
-from col3d.checks import OptionError
-from col3d.refusals import checked
+from col3d.errors import OptionError
 from col3d.registry import METRICS
+from col3d.registry.refusals import checked
 
 
 def metric_options(given: Any) -> dict[str, dict[str, Any]]:

@@ -10,7 +10,7 @@ from torch import Tensor
 from torch.nn.functional import interpolate
 
 from col3d.batch import Batch, Prediction, normals_mask
-from col3d.checks import check_known
+from col3d.errors import check_known
 from col3d.geometry import unit
 from col3d.metrics.measure import NONE, SMALLEST, Options, measure
 

@@ -3,7 +3,12 @@
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from col3d.metric_specs import (
+from col3d.metrics.functional.boundary import boundary_f1
+from col3d.metrics.functional.depth import delta_share, depth_errors
+from col3d.metrics.functional.normals import normal_errors
+from col3d.metrics.functional.ranges import range_errors
+from col3d.registry import register_metrics
+from col3d.registry.metric_specs import (
     BOUNDARY_F1,
     DELTA_1_1,
     DEPTH_RANGES,
@@ -12,11 +17,6 @@ from col3d.metric_specs import (
     PAPER_DEPTH,
     PAPER_NORMALS,
 )
-from col3d.metrics.functional.boundary import boundary_f1
-from col3d.metrics.functional.depth import delta_share, depth_errors
-from col3d.metrics.functional.normals import normal_errors
-from col3d.metrics.functional.ranges import range_errors
-from col3d.registry import register_metrics
 
 register_metrics((*PAPER_DEPTH, MAE), depth_errors)
 register_metrics((*PAPER_NORMALS, *FURTHER_NORMALS), normal_errors)

@@ -6,13 +6,13 @@ from typing import Any
 
 from torch import nn
 
-from col3d.checks import OptionError, check_known, nearest_name
+from col3d.errors import OptionError, check_known, nearest_name
 from col3d.layers.network import DepthNetwork, predicts
 from col3d.layers.normal_decoder import NORMAL_FRAMES
 from col3d.models import bts, bts_cbam, col3d_mtl, monodepth_fpn, newcrfs, pix2pix
 from col3d.models.options import ModelOptions, instead
-from col3d.refusals import checked
 from col3d.registry import MODELS, Part
+from col3d.registry.refusals import checked
 
 __all__ = ["bts", "bts_cbam", "col3d_mtl", "create", "monodepth_fpn", "newcrfs", "pix2pix"]
 

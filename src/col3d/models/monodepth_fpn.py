@@ -6,12 +6,12 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from col3d.checks import OptionError
+from col3d.errors import OptionError
+from col3d.geometry.precision import at_least_float32
 from col3d.layers.encoder import Encoder
 from col3d.layers.network import DepthNetwork
 from col3d.layers.normal_decoder import Features
 from col3d.models.options import MaxDepth, Width, with_encoder
-from col3d.precision import at_least_float32
 from col3d.registry import register_model
 
 FINER = ("at16", "at8", "at4")

@@ -4,12 +4,12 @@ import json
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, PlainValidator, SerializeAsAny
 from pydantic_core import PydanticUndefined
 
-from col3d.checks import OptionError
+from col3d.errors import OptionError
 from col3d.registry import MODELS, Part
-from col3d.schema import NoneWord, Options, plain
+from col3d.registry.schema import NoneWord, Options, plain
 
 MaxDepth = Annotated[float, Field(gt=0)]
 """Upper bound of the depth in mm."""
@@ -109,3 +109,7 @@ def by_preset(special: Mapping[str, Any], usual: Any) -> str:
 
 def _word(value: Any) -> str:
     return "none" if value is None else json.dumps(value) if isinstance(value, str | list) else str(value)
+
+
+Model = Annotated[SerializeAsAny[ModelOptions], PlainValidator(model_options)]
+"""A registered network's options: which there are is told by its name."""

@@ -6,12 +6,12 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from col3d.checks import OptionError
+from col3d.errors import OptionError
+from col3d.geometry.precision import at_least_float32
 from col3d.layers.network import DepthNetwork
 from col3d.layers.normal_decoder import Features
 from col3d.layers.patch_gan import halve, init_normal
 from col3d.models.options import SMALLER, MaxDepth, Width
-from col3d.precision import at_least_float32
 from col3d.registry import register_model
 
 LEAST_DOWNS, MOST_DOWNS = 5, 8

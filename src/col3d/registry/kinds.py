@@ -38,10 +38,10 @@ METRICS = Registry(
 )
 OPTIMIZERS = Registry(
     "optimizer",
-    ("col3d.optimizers", "col3d.timm_optimizers"),
+    ("col3d.training.optimizers", "col3d.training.timm_optimizers"),
     "optimizer.name",
     "optimizer",
-    groups={"optimizer": "col3d.optimizers:node"},
+    groups={"optimizer": "col3d.training.optimizers:node"},
     supplied=("params",),
     taken=("name", "decoder_weight_decay", "encoder_lr", "layer_decay"),
     rules={
@@ -52,7 +52,7 @@ OPTIMIZERS = Registry(
 )
 DATASETS = Registry(
     "dataset",
-    ("col3d.data.datasets",),
+    ("col3d.data.datasets.registered",),
     "data.name",
     "data",
     groups={"data": "col3d.data.options:node", "data/source": "col3d.data.options:source_node"},
@@ -66,26 +66,26 @@ COUNTS = ("total_steps", "total_iters", "T_max")
 """Parameters of schedules that are as long as the training unless they are given."""
 SCHEDULERS = Registry(
     "scheduler",
-    ("col3d.schedulers",),
+    ("col3d.training.schedulers",),
     "scheduler.name",
     "scheduler",
-    groups={"scheduler": "col3d.schedulers:node"},
+    groups={"scheduler": "col3d.training.schedulers:node"},
     supplied=("optimizer", "training", "last_epoch", *COUNTS),
     taken=("name", "interval"),
 )
 CALLBACKS = Registry(
     "callback",
-    ("col3d.callbacks.named",),
+    ("col3d.training.callbacks.named",),
     "callbacks.more",
     "callbacks.more.ENTRY",
     taken=("callback",),
 )
 LOGGERS = Registry(
     "logger",
-    ("col3d.loggers",),
+    ("col3d.runs.loggers",),
     "logger",
     "logger.{name}",
-    groups={"logger": "col3d.logger_options:node"},
+    groups={"logger": "col3d.runs.logger_options:node"},
     supplied=("folder", "run", "config"),
 )
 KINDS = {

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, TypeVar
 
-from col3d import plugins
-from col3d.checks import OptionError, nearest_name
-from col3d.schema import Options, SignatureError, home_of, options_of, parameters, place_of
+from col3d.errors import OptionError, nearest_name
+from col3d.registry import plugins
+from col3d.registry.schema import Options, SignatureError, home_of, options_of, parameters, place_of
 
 Built = TypeVar("Built", bound=Callable[..., Any])
 NOTHING: Mapping[str, Any] = MappingProxyType({})

@@ -4,7 +4,6 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from col3d.metric_specs import MetricSpec, checked_spec
 from col3d.registry.kinds import (
     BALANCERS,
     CALLBACKS,
@@ -16,6 +15,7 @@ from col3d.registry.kinds import (
     OPTIMIZERS,
     SCHEDULERS,
 )
+from col3d.registry.metric_specs import MetricSpec, checked_spec
 from col3d.registry.parts import NOTHING, Built
 
 
@@ -150,7 +150,7 @@ def register_dataset(
     rendered: bool = False,
     view: Callable[[tuple[int, int]], Any] | None = None,
 ) -> Any:
-    """Register a data set: a `col3d.data.frames.FrameSet`, or a function that makes one.
+    """Register a data set: a `col3d.data.datasets.frame_set.FrameSet`, or a function that makes one.
 
     Args:
         name: for `data=NAME`, `data.test=NAME` and `data.also=NAME`.

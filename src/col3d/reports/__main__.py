@@ -4,8 +4,8 @@ import argparse
 import sys
 from pathlib import Path
 
-from col3d.checks import UserError
-from col3d.owned import Owned
+from col3d.errors import UserError
+from col3d.io.ownership import Owned
 from col3d.reports.experiments import experiments_of
 from col3d.reports.page import Picture, names_of, write_report
 from col3d.reports.runs import Found, read_runs

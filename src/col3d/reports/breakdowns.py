@@ -12,7 +12,7 @@ from col3d.reports.compose import (
     specs_in,
     without_empty_columns,
 )
-from col3d.reports.experiments import Experiment, Repeats
+from col3d.reports.experiments import Experiment, SeedGroup
 from col3d.reports.notes import Notes
 from col3d.reports.options import at
 from col3d.reports.paper_tables import paper_table, training_shares
@@ -98,7 +98,7 @@ def cost_table(experiments: Sequence[Experiment]) -> Table:
     )
 
 
-def _cost(row: Repeats, column: Column, notes: list[str]) -> Cell:
+def _cost(row: SeedGroup, column: Column, notes: list[str]) -> Cell:
     """The mean of the runs' speeds; the other two are the same for all or not given."""
     found = {run.name: _cost_of(run, column.key) for run in row.runs}
     values = [value for value in found.values() if value is not None]
@@ -153,18 +153,18 @@ def _present(experiment: Experiment, name: str) -> list[str]:
     return sorted(known, key=lambda key: (order.index(pairs[key]) if pairs[key] in order else 99, key))
 
 
-def _part(row: Repeats, name: str, value: str) -> Repeats:
+def _part(row: SeedGroup, name: str, value: str) -> SeedGroup:
     """The repetitions with the frames of one segment or video alone."""
     runs = []
     for run in row.runs:
         kept = run.frames[name] == value
         frames = {column: values[kept] for column, values in run.frames.items()}
         runs.append(Run(run.folder, run.options, run.summary, frames, run.name))
-    return Repeats(f"{row.label}, {value}", tuple(runs))
+    return SeedGroup(f"{row.label}, {value}", tuple(runs))
 
 
 def _mean(
-    row: Repeats, column: Column, notes: Notes, paper: tuple[float, float | None] | None = None
+    row: SeedGroup, column: Column, notes: Notes, paper: tuple[float, float | None] | None = None
 ) -> Cell:
     mean, std = paper or (None, None)
     sample = complete_sample(row, column, notes)

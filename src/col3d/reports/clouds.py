@@ -6,7 +6,7 @@ import numpy as np
 import trimesh
 from jaxtyping import Float, UInt8
 
-from col3d.whole import write_whole
+from col3d.io.atomic import write_whole
 
 
 def write_cloud(path: Path, points: Float[np.ndarray, "n 3"], colours: UInt8[np.ndarray, "n 3"]) -> None:

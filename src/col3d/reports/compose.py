@@ -5,8 +5,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from col3d.metric_specs import OURS, TASKS, MetricSpec
-from col3d.reports.experiments import Experiment, Repeats, label_of
+from col3d.registry.metric_specs import OURS, TASKS, MetricSpec
+from col3d.reports.experiments import Experiment, SeedGroup, label_of
 from col3d.reports.notes import Notes
 from col3d.reports.options import at
 from col3d.reports.paper_tables import SPLIT_PARTS, Values, paper_table
@@ -149,7 +149,7 @@ def _differences(experiment: Experiment, baseline: str, tasks: tuple[str, ...]) 
     return without_empty_columns(table)
 
 
-def _measured(row: Repeats, column: Column, printed: Values, notes: Notes, with_std: bool) -> Cell:
+def _measured(row: SeedGroup, column: Column, printed: Values, notes: Notes, with_std: bool) -> Cell:
     """Our mean, where every repetition has the metric, and the paper's."""
     mean, std = printed.get(column.key, (None, None))
     paper = {"paper": mean, "paper_std": std}
@@ -162,7 +162,7 @@ def _measured(row: Repeats, column: Column, printed: Values, notes: Notes, with_
     return Cell(value, spread if with_std else None, *_limits(interval, column), **paper)
 
 
-def complete_sample(row: Repeats, column: Column, notes: Notes) -> Sample | None:
+def complete_sample(row: SeedGroup, column: Column, notes: Notes) -> Sample | None:
     """The values of a metric, None (and a note) where a repetition that should have it does not."""
     without = [run.name for run in row.runs if not np.isfinite(run.values(column.key)).any()]
     if without:
@@ -177,7 +177,7 @@ def complete_sample(row: Repeats, column: Column, notes: Notes) -> Sample | None
     return sample
 
 
-def _difference(row: Repeats, base: Repeats, column: Column, notes: Notes) -> Cell:
+def _difference(row: SeedGroup, base: SeedGroup, column: Column, notes: Notes) -> Cell:
     ours, theirs = complete_sample(row, column, notes), complete_sample(base, column, notes)
     found = paired_difference(ours, theirs) if ours and theirs else None
     if found is None:
@@ -219,7 +219,7 @@ def _head_names(experiment: Experiment) -> tuple[str, ...]:
     return ("Depth, normals, consistency" if experiment.name == "lambda" else "Method", "Seeds")
 
 
-def _heads(experiment: Experiment, row: Repeats) -> tuple[str, ...]:
+def _heads(experiment: Experiment, row: SeedGroup) -> tuple[str, ...]:
     seeds = ", ".join(str(run.summary["seed"]) for run in row.runs)
     if experiment.name not in TITLES:
         return (row.label, label_of(row.runs[0]), seeds)

@@ -32,7 +32,7 @@ Label = Callable[[dict[str, Any]], str | None]
 
 
 @dataclass(frozen=True)
-class Repeats:
+class SeedGroup:
     """The runs of one row: the same options with other seeds."""
 
     label: str
@@ -51,7 +51,7 @@ class Experiment:
 
     name: str
     setting: Setting
-    rows: tuple[Repeats, ...]
+    rows: tuple[SeedGroup, ...]
     left_out: tuple[str, ...]
     notes: tuple[str, ...]
 
@@ -131,7 +131,7 @@ def _experiment(name: str, runs: Sequence[Run]) -> Experiment | None:
     return Experiment(name, chosen, tuple(rows), (*left_out, *of_rows), tuple(_training(rows)))
 
 
-def _rows(runs: Sequence[Run], label: Label) -> tuple[list[Repeats], list[str]]:
+def _rows(runs: Sequence[Run], label: Label) -> tuple[list[SeedGroup], list[str]]:
     by_label: dict[str, list[Run]] = defaultdict(list)
     for run in runs:
         by_label[str(label(run.options))].append(run)
@@ -143,7 +143,7 @@ def _rows(runs: Sequence[Run], label: Label) -> tuple[list[Repeats], list[str]]:
     return rows, notes
 
 
-def _repeats(label: str, runs: Sequence[Run]) -> tuple[Repeats, list[str]]:
+def _repeats(label: str, runs: Sequence[Run]) -> tuple[SeedGroup, list[str]]:
     """The largest set of runs that differ by their seed alone, and what is left of the others."""
     alike: dict[str, list[Run]] = defaultdict(list)
     for run in runs:
@@ -159,10 +159,10 @@ def _repeats(label: str, runs: Sequence[Run]) -> tuple[Repeats, list[str]]:
         first = by_seed.setdefault(int(run.summary["seed"]), run)
         if first is not run:
             notes.append(f"{label}, for options and seed are those of {first.name}: {run.name}")
-    return Repeats(label, tuple(by_seed[seed] for seed in sorted(by_seed))), notes
+    return SeedGroup(label, tuple(by_seed[seed] for seed in sorted(by_seed))), notes
 
 
-def _training(rows: Sequence[Repeats]) -> list[str]:
+def _training(rows: Sequence[SeedGroup]) -> list[str]:
     """What rows of a table should share but do not."""
     notes = []
     for option in ("trainer.max_epochs", "preset", "model.width"):

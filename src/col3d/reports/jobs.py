@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from col3d.owned import Owned
+from col3d.io.ownership import Owned
 from col3d.reports.shapes import read_object
 from col3d.reports.summary import write_json
 
 STATUS, RESULT, LOCK, PLAN = "status.json", "result.json", ".lock", "sweep.json"
 TRAINING = "training"
-"""What its folder is said to own its files as; see `col3d.owned`."""
+"""What its folder is said to own its files as; see `col3d.io.ownership`."""
 STATES = ("done", "running", "preempted", "cut off", "failed", "missing")
 """`cut off`: neither running nor ended, as after a power cut."""
 

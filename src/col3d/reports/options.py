@@ -3,7 +3,7 @@
 import json
 from typing import Any
 
-from col3d.earlier import ADDED
+from col3d.registry.earlier import ADDED
 
 UNRELATED = {"seed", "overwrite", "output_dir", "preset", "variant", "logger", "callbacks", "protocol"}
 """Groups and options that may differ between repetitions; the protocol is part of a table's setting."""

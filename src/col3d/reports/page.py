@@ -11,6 +11,7 @@ from typing import Any
 import yaml
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from col3d.io.atomic import write_whole
 from col3d.reports import render
 from col3d.reports.breakdowns import cost_table, segment_table, video_table
 from col3d.reports.compose import PHANTOM, difference_tables, further_table, main_table, title_of
@@ -18,7 +19,6 @@ from col3d.reports.experiments import Experiment
 from col3d.reports.places import command_without_places, last_name, without_places
 from col3d.reports.runs import Found, Run
 from col3d.reports.tables import Table, marks
-from col3d.whole import write_whole
 
 NOT_RECORDED = "not recorded"
 PAGES = ("report.html", "report.md")

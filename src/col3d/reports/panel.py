@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from col3d.whole import whole_file
+from col3d.io.atomic import whole_file
 
 Maps = Mapping[str, np.ndarray]
 """image (h, w, 3) in [0, 1]; depth, depth_pred (h, w) in mm; mask (h, w); normals, normals_pred (h, w, 3)."""

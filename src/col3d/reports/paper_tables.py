@@ -4,7 +4,7 @@ import csv
 from functools import cache
 from importlib.resources import files
 
-from col3d.metric_specs import OURS
+from col3d.registry.metric_specs import OURS
 
 SPLIT_PARTS = {"ablation": "val", "lambda": "val", "benchmark": "test", "per_segment": "test"}
 """What the paper evaluates on in each of its tables."""

@@ -5,8 +5,8 @@ import io
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from col3d.metric_specs import OURS, MetricSpec
-from col3d.whole import write_whole
+from col3d.io.atomic import write_whole
+from col3d.registry.metric_specs import OURS, MetricSpec
 
 AVERAGES = ("frame", "video", "pixel")
 """What weighs the same in a mean."""

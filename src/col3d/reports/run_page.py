@@ -13,8 +13,9 @@ from typing import Any
 import yaml
 from markupsafe import Markup
 
-from col3d.checks import UserError
-from col3d.owned import Owned
+from col3d.errors import UserError
+from col3d.io.atomic import write_whole
+from col3d.io.ownership import Owned
 from col3d.reports.figures.material import Method
 from col3d.reports.figures.style import BLACK, Style
 from col3d.reports.figures.training_curves import curves, draw_methods
@@ -25,7 +26,6 @@ from col3d.reports.runs import Run
 from col3d.reports.scenes import Scene, read_frame
 from col3d.reports.shapes import read_object
 from col3d.reports.summary import on_screen, rows_of
-from col3d.whole import write_whole
 
 PAGE = "run.html"
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from col3d.io.atomic import whole_file
 from col3d.reports.previews import colours
-from col3d.whole import whole_file
 
 STEPS = 50.0
 """Steps of 1 mm in files and pages: 16 bits reach 655 mm either way."""

@@ -11,10 +11,10 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from col3d.metric_specs import OURS, TASKS, MetricSpec, specs_from
+from col3d.io.atomic import write_whole
+from col3d.registry.metric_specs import OURS, TASKS, MetricSpec, specs_from
 from col3d.reports.per_frame import Row, by_video, means, metrics_in
 from col3d.reports.screen import plain_console
-from col3d.whole import write_whole
 
 LOG_WIDTH = 120
 """Columns to take where the output is no terminal."""

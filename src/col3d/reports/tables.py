@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 
-from col3d.metric_specs import OURS, MetricSpec
+from col3d.registry.metric_specs import OURS, MetricSpec
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,10 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
+from col3d.io.atomic import write_whole
 from col3d.reports.places import without_places
 from col3d.reports.screen import plain_console
 from col3d.reports.summary import LOG_WIDTH
-from col3d.whole import write_whole
 
 HEADINGS = (
     "video",

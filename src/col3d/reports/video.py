@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
-from col3d.formats import open_video
+from col3d.io.formats import open_video
 
 CODES = ("avc1", "vp09", "mp4v")
 """H.264, which everything plays; VP9, which browsers and VLC play; MPEG-4, which OpenCV always has."""

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from dataverse import zipped
 
-from col3d.checks import DataError
 from col3d.data.download import Interrupted, unpack
+from col3d.errors import DataError
 
 FILES = {"rgb/0000.png": b"red", "depth/0000_depth.tiff": b"deep", "pose.txt": b"1,0"}
 

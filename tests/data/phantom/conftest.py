@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from col3d.data.phantom import PhantomSettings, render_phantom
+from col3d.phantom import PhantomSettings, render_phantom
 
 
 @pytest.fixture(scope="session")

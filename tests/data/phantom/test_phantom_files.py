@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from col3d.checks import DataError
-from col3d.data.phantom import PhantomSettings, phantom_is_complete, render_phantom
-from col3d.data.phantom.write import MANIFEST
+from col3d.errors import DataError
+from col3d.phantom import PhantomSettings, phantom_is_complete, render_phantom
+from col3d.phantom.write import MANIFEST
 
 FIRST, SECOND = "cecum_t1_a", "sigmoid_t3_b"
 
@@ -98,7 +98,7 @@ def test_a_failed_video_leaves_nothing(
     def fail(*_: object) -> None:
         raise OSError("no space left")
 
-    monkeypatch.setattr("col3d.data.phantom.write._write_manifest", fail)
+    monkeypatch.setattr("col3d.phantom.write._write_manifest", fail)
     with pytest.raises(OSError, match="no space left"):
         render_phantom(tmp_path, replace(small, frames_per_video=1), workers=1, progress=False)
     assert list(tmp_path.iterdir()) == []

@@ -9,9 +9,9 @@ import pytest
 import torch
 from PIL import Image
 
-from col3d.data.octagon import octagon_mask
-from col3d.data.phantom import PhantomSettings, phantom_camera
+from col3d.data.datasets.octagon import octagon_mask
 from col3d.geometry import angle_between, normals_from_depth, points_from_depth
+from col3d.phantom import PhantomSettings, phantom_camera
 
 FRAMES = range(8)
 

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from col3d.data.octagon import octagon_mask
-from col3d.data.phantom import PhantomSettings, phantom_camera
-from col3d.data.phantom.appearance import Hits, Mucosa, Radiance
-from col3d.data.phantom.look import LOOKS, Light, Sensor
-from col3d.data.phantom.sensor import develop
-from col3d.data.phantom.write import Scene, scene_of
+from col3d.data.datasets.octagon import octagon_mask
+from col3d.phantom import PhantomSettings, phantom_camera
+from col3d.phantom.appearance import Hits, Mucosa, Radiance
+from col3d.phantom.look import LOOKS, Light, Sensor
+from col3d.phantom.sensor import develop
+from col3d.phantom.write import Scene, scene_of
 
 SETTINGS = PhantomSettings(size_hw=(54, 68), frames_per_video=2, videos=("trans_t2_a",))
 AT_LENS = Light(lamps=((0.0, 0.0, 0.0),), powers=(1.0,), scatter=0.0)

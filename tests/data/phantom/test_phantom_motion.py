@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import torch
 
-from col3d.data.coverage_mesh import read_coverage_mesh
-from col3d.data.octagon import octagon_mask
-from col3d.data.phantom import PhantomSettings, phantom_camera, render_phantom
-from col3d.data.phantom.anatomy import AROUND
-from col3d.data.phantom.coverage import BLOCK
-from col3d.data.phantom.write import Scene, scene_of
+from col3d.data.datasets.coverage_mesh import read_coverage_mesh
+from col3d.data.datasets.octagon import octagon_mask
+from col3d.phantom import PhantomSettings, phantom_camera, render_phantom
+from col3d.phantom.anatomy import AROUND
+from col3d.phantom.coverage import BLOCK
+from col3d.phantom.write import Scene, scene_of
 
 VIDEO, FRAMES = "sigmoid_t2_a", range(48)
 SOME = FRAMES[1::6]

@@ -7,12 +7,12 @@ import cv2
 import numpy as np
 import pytest
 
-from col3d.data.octagon import octagon_mask
-from col3d.data.phantom import PARTS, PhantomSettings, render_phantom
-from col3d.data.phantom.look import LOOKS
-from col3d.data.phantom.segments import SEGMENTS
-from col3d.data.phantom.write import scene_of
-from col3d.data.videos import describe, seeded_name, seeded_videos
+from col3d.data.datasets.octagon import octagon_mask
+from col3d.data.datasets.videos import describe, seeded_name, seeded_videos
+from col3d.phantom import PARTS, PhantomSettings, render_phantom
+from col3d.phantom.look import LOOKS
+from col3d.phantom.segments import SEGMENTS
+from col3d.phantom.write import scene_of
 
 VIDEO = "cecum_t1_a_s3"
 SETTINGS = PhantomSettings(size_hw=(54, 68), frames_per_video=2, videos=(VIDEO,))

@@ -19,14 +19,14 @@ import torch
 from numpy.lib import format as npy
 from torch.utils.data import DataLoader
 
-from col3d.checks import DataError
-from col3d.data.c3vd import C3VD
+from col3d.data.cache import Recipe, Stored, StoredVideo, read_video
+from col3d.data.cache import read as reading
+from col3d.data.cache import write_video as write_store
+from col3d.data.cache.index import Shard
 from col3d.data.datamodule import FrameDataModule
+from col3d.data.datasets.c3vd import C3VD
 from col3d.data.sized import Resized
-from col3d.data.store import Recipe, Stored, StoredVideo, read_video
-from col3d.data.store import read as reading
-from col3d.data.store import write_video as write_store
-from col3d.data.store.index import Shard
+from col3d.errors import DataError
 from col3d.geometry import OmnidirectionalCamera, angle_between
 from col3d.geometry.camera_file import plain_from_camera
 
@@ -271,7 +271,8 @@ def test_real_frames_are_the_same_from_a_store(folder: str, tmp_path: Path) -> N
 READ_ALL = """
 import sys
 from pathlib import Path
-from col3d.data.store import Stored, read, read_video
+from col3d.data.cache import Stored, read_video
+from col3d.data.cache import read
 read.RELEASE_BYTES = int(sys.argv[2])
 stored = read_video(Path(sys.argv[1]))
 frames = Stored([(stored, stored.frames)])

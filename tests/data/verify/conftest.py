@@ -19,8 +19,9 @@ from spheres import (
     write_poses,
 )
 
-from col3d.data.c3vd import C3VD
-from col3d.data.verify import Asked, VideoReport, check_chunk, conclude, duplicates, plan_video
+from col3d.data.checks import ExpectedVideo, VideoReport, check_chunk, duplicates, plan_video
+from col3d.data.checks import video_summary as summarise_video
+from col3d.data.datasets.c3vd import C3VD
 
 
 @pytest.fixture
@@ -65,7 +66,7 @@ def check(frames: C3VD) -> Check:
     def run(root: Path, video: str = "cecum_t1_a", fast: bool = False, **asked: Any) -> VideoReport:
         plan = plan_video(frames, video, root / video, fast)
         reports = [report for chunk in plan.chunks for report in check_chunk(frames, chunk, lambda: None)]
-        found = conclude(frames, plan, reports, Asked(**{"frames": {}, **asked}))
+        found = summarise_video(frames, plan, reports, ExpectedVideo(**{"frames": {}, **asked}))
         duplicates({video: found}, {video: plan}, reports)
         return found
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from col3d.data.octagon import octagon_mask
-from col3d.data.verify import VideoReport
+from col3d.data.checks import VideoReport
+from col3d.data.datasets.octagon import octagon_mask
 from col3d.geometry import OmnidirectionalCamera
 
 SIZE = (108, 135)

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 from spheres import LENS, OLD, Channels, Check, Write, faults, pinhole_normals, pose_of, said, see, stored
 
-from col3d.data.c3vd import C3VD
-from col3d.data.decode import read_whole
-from col3d.data.frames import Depth
-from col3d.data.release import disagreement
-from col3d.data.verify import CONVENTIONS, Asked, FrameReport, conclude, plan_video
-from col3d.data.verify.conventions import angles_of, off_lengths, ranked
+from col3d.data.checks import CONVENTIONS, ExpectedVideo, FrameReport, plan_video
+from col3d.data.checks import video_summary as summarise_video
+from col3d.data.checks.conventions import angles_of, off_lengths, ranked
+from col3d.data.datasets.c3vd import C3VD
+from col3d.data.datasets.frame_set import Depth
+from col3d.data.datasets.release import disagreement
+from col3d.data.files.decode import read_whole
 
 SAMPLE = os.environ.get("COL3D_C3VD_SAMPLE")
 needs_sample = pytest.mark.skipif(SAMPLE is None, reason="COL3D_C3VD_SAMPLE names no folder of real frames")
@@ -155,7 +156,7 @@ def test_a_release_that_is_as_good_is_believed(
             angles[place] = 4.0 + (behind if convention.camera == "lens" else 0.0)
     report = FrameReport("cecum_t1_a", 0, in_full=True, angles=angles, off_length=(0.0, 0.0, 0.0, 0.0))
     plan = plan_video(frames, "cecum_t1_a", root / "cecum_t1_a")
-    found = conclude(frames, plan, [report], Asked({}))
+    found = summarise_video(frames, plan, [report], ExpectedVideo({}))
     assert found.camera == camera
     assert (faults(found) == []) == (camera == "lens")
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from spheres import Check, Write, faults, said
 
-from col3d.data.c3vd import C3VD
-from col3d.data.decode import read_whole
-from col3d.data.folder import FolderFrames
-from col3d.data.frames import FrameSet, everywhere
-from col3d.data.octagon import octagon_mask
-from col3d.data.simcol3d import SimCol3D
-from col3d.data.verify import plan_video, thumbnail
+from col3d.data.checks import plan_video, thumbnail
+from col3d.data.datasets.c3vd import C3VD
+from col3d.data.datasets.folder import FolderFrames
+from col3d.data.datasets.frame_set import FrameSet, everywhere
+from col3d.data.datasets.octagon import octagon_mask
+from col3d.data.datasets.simcol3d import SimCol3D
+from col3d.data.files.decode import read_whole
 
 Change = Callable[[np.ndarray], np.ndarray]
 

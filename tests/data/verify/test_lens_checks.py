@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from spheres import LENS, Write
 
-from col3d.data.c3vd import C3VD
-from col3d.data.decode import read_whole
-from col3d.data.verify import plan_video
-from col3d.data.verify.lens import check_lens, readings_of
-from col3d.data.verify.poses import read_poses
-from col3d.data.verify.reproject import surface_error
+from col3d.data.checks import plan_video
+from col3d.data.checks.lens import check_lens, readings_of
+from col3d.data.checks.poses import read_poses
+from col3d.data.checks.reproject import surface_error
+from col3d.data.datasets.c3vd import C3VD
+from col3d.data.files.decode import read_whole
 from col3d.geometry import OmnidirectionalCamera, PinholeCamera
 
 SAMPLE = os.environ.get("COL3D_C3VD_SAMPLE")

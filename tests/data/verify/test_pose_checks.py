@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from spheres import LENS, SIZE, Check, Write, faults, pose_of, said, see, write_poses
 
-from col3d.data.c3vd import C3VD
-from col3d.data.decode import read_whole
-from col3d.data.frames import Depth
-from col3d.data.verify import Asked, FrameReport, conclude, plan_video
-from col3d.data.verify.findings import Reprojection
-from col3d.data.verify.poses import read_poses
-from col3d.data.verify.reproject import reproject
+from col3d.data.checks import ExpectedVideo, FrameReport, plan_video
+from col3d.data.checks import video_summary as summarise_video
+from col3d.data.checks.findings import Reprojection
+from col3d.data.checks.poses import read_poses
+from col3d.data.checks.reproject import reproject
+from col3d.data.datasets.c3vd import C3VD
+from col3d.data.datasets.frame_set import Depth
+from col3d.data.files.decode import read_whole
 from col3d.geometry import Camera, FisheyeCamera, PinholeCamera, RadialTangentialCamera
 
 SAMPLE = os.environ.get("COL3D_C3VD_SAMPLE")
@@ -185,7 +186,7 @@ def test_what_folds_may_hide_between_cameras_far_apart_is_no_fault(
     plan = plan_video(frames, "cecum_t1_a", root / "cecum_t1_a")
     reports = [FrameReport("cecum_t1_a", number, in_full=True) for number in (0, 1)]
     reports[0].reprojection = Reprojection(to=1, step=step, seen=0.8, median=3.0, tenth=tenth)
-    found = conclude(frames, plan, reports, Asked({}))
+    found = summarise_video(frames, plan, reports, ExpectedVideo({}))
     assert faults(found) == ([("reprojection", 0)] if wrong else [])
     assert "a median difference of 3.00 mm" in said(found)
 

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from col3d.checks import DataError
-from col3d.data.decode import read_whole
-from col3d.data.verify.decode import read_in_part
+from col3d.data.checks.decode import read_in_part
+from col3d.data.files.decode import read_whole
+from col3d.errors import DataError
 
 PIXELS = np.random.default_rng(0).integers(0, 256, (90, 110, 3), np.uint8)
 CODES = np.arange(40 * 50, dtype=np.uint16).reshape(40, 50) * 30

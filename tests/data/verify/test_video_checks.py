@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 from spheres import OLD, Check, Write, faults, said
 
-from col3d.data.c3vd import C3VD
-from col3d.data.verify import (
-    Asked,
+from col3d.data.checks import (
+    ExpectedVideo,
     Finding,
     FrameReport,
     check_chunk,
-    conclude,
     duplicates,
     frames_to_show,
     plan_video,
 )
-from col3d.data.verify.stores import check_store, stores_beside
-from col3d.data.verify.video import CHUNK
+from col3d.data.checks import video_summary as summarise_video
+from col3d.data.checks.stores import check_store, stores_beside
+from col3d.data.checks.video import CHUNK
+from col3d.data.datasets.c3vd import C3VD
 
 
 @pytest.mark.parametrize(
@@ -117,7 +117,7 @@ def test_a_picture_that_is_there_twice_in_two_videos(write_sphere: Write, frames
     shutil.copy(root / "cecum_t1_a" / "0002_color.png", root / "trans_t1_a" / "0000_color.png")
     plans = {video: plan_video(frames, video, root / video) for video in ("cecum_t1_a", "trans_t1_a")}
     reports = {v: check_chunk(frames, p.chunks[0], lambda: None) for v, p in plans.items()}
-    videos = {v: conclude(frames, plan, reports[v], Asked({})) for v, plan in plans.items()}
+    videos = {v: summarise_video(frames, plan, reports[v], ExpectedVideo({})) for v, plan in plans.items()}
     duplicates(videos, plans, [report for of_it in reports.values() for report in of_it])
     assert faults(videos["cecum_t1_a"]) == []
     assert faults(videos["trans_t1_a"]) == [("duplicate", 0)]
@@ -191,8 +191,8 @@ def test_what_is_wrong_with_a_whole_video_is_shown_in_its_middle(write_sphere: W
 
 
 def test_stores(tmp_path: Path, write_sphere: Write, frames: C3VD) -> None:
+    from col3d.data.cache import Recipe, write_video
     from col3d.data.sized import Resized
-    from col3d.data.store import Recipe, write_video
 
     root = write_sphere()
     store = tmp_path / "data_64x80"

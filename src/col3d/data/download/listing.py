@@ -13,8 +13,8 @@ from pathlib import PurePosixPath
 from typing import Any
 from urllib.parse import quote
 
+from col3d.data.datasets.videos import canonical_name, catalogue
 from col3d.data.download.server import Server, ServerError
-from col3d.data.videos import canonical_name, catalogue
 
 SERVER = "https://archive.data.jhu.edu"
 DOI = "doi:10.7281/T1/JC64MK"

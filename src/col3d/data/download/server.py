@@ -12,7 +12,7 @@ from http import HTTPStatus
 from threading import Event
 from typing import TypeVar
 
-from col3d.checks import DataError
+from col3d.errors import DataError
 
 AGENT = "col3d"
 Result = TypeVar("Result")

@@ -7,10 +7,10 @@ from http import HTTPStatus
 from pathlib import Path
 from threading import Event
 
-from col3d.checks import naming
 from col3d.data.download.listing import RemoteFile
 from col3d.data.download.server import DROPPED, BusyError, Interrupted, Server, ServerError
-from col3d.whole import PARTIAL
+from col3d.errors import naming
+from col3d.io.atomic import PARTIAL
 
 CHUNK = 1 << 20
 WHOLE_TRIES = 2

@@ -7,9 +7,9 @@ import zlib
 from pathlib import Path, PurePosixPath
 from threading import Event
 
-from col3d.checks import DataError, naming
 from col3d.data.download.server import Interrupted
 from col3d.data.download.transfer import CHUNK
+from col3d.errors import DataError, naming
 
 FOLDERS_OF_A_VIDEO = ("rgb", "depth", "normals", "optical_flow", "occlusions", "diffuse")
 """Which no archive wraps all of a video in."""

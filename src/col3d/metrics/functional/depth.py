@@ -8,8 +8,8 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from col3d.batch import check_maps
-from col3d.metric_specs import PAPER_DEPTH
 from col3d.metrics.functional.by_frame import by_frame
+from col3d.registry.metric_specs import PAPER_DEPTH
 
 DEPTH_METRICS = tuple(spec.name for spec in PAPER_DEPTH)
 DELTA = 1.25

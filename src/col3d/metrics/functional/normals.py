@@ -9,8 +9,8 @@ from torch import Tensor
 
 from col3d.batch import check_maps
 from col3d.geometry import angle_between
-from col3d.metric_specs import PAPER_NORMALS
 from col3d.metrics.functional.by_frame import by_frame
+from col3d.registry.metric_specs import PAPER_NORMALS
 
 NORMAL_METRICS = tuple(spec.name for spec in PAPER_NORMALS)
 LIMITS = {"within_11_25": 11.25, "within_22_5": 22.5, "within_30": 30.0}

@@ -7,9 +7,9 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from col3d.batch import check_maps
-from col3d.metric_specs import RANGES
 from col3d.metrics.functional.by_frame import by_frame
 from col3d.metrics.functional.depth import DELTA
+from col3d.registry.metric_specs import RANGES
 
 
 def range_errors(

@@ -18,12 +18,12 @@ from col3d.reports.figures import (
     training_curves,
 )
 from col3d.reports.figures.figure import Drawn, Figure, MissingError
-from col3d.reports.figures.material import Material, material_of
+from col3d.reports.figures.material import FigureData, material_of
 from col3d.reports.runs import Found
 
 __all__ = ["DRAW", "Drawn", "Figure", "draw", "draw_all"]
 
-DRAW: dict[str, tuple[str, Callable[[Material, Path], Figure]]] = {
+DRAW: dict[str, tuple[str, Callable[[FigureData, Path], Figure]]] = {
     module.__name__.rpartition(".")[2]: (module.TITLE, module.draw)
     for module in (
         data_sheet,
@@ -51,7 +51,7 @@ def draw(found: Found, out: Path, truth: Path | None) -> Drawn:
     Args:
         found: the runs.
         out: folder of the PNG files; made where it is not there, figures of before are replaced.
-        truth: folder that `col3d.app.truth.keep_truth` wrote, where there is one.
+        truth: folder that `col3d.evaluation.truth_files.keep_truth` wrote, where there is one.
 
     Returns:
         The figures in the order of a report, and for each that is left out a line that says why.

@@ -3,19 +3,19 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from col3d.io.predictions import StoredPredictions
 from col3d.reports.figures.captions import about_maps, sentences
 from col3d.reports.figures.choice import best_average_worst
 from col3d.reports.figures.figure import Figure, MissingError, save
 from col3d.reports.figures.maps import Frame, Guess, Maps, Truth, frame_value, read_maps
-from col3d.reports.figures.material import Material, Method
+from col3d.reports.figures.material import FigureData, Method
 from col3d.reports.figures.qualitative import chosen_by
 from col3d.reports.figures.sheet import Scale, Sheet, errors_up_to, range_of
-from col3d.reports.predictions import StoredPredictions
 
 TITLE = "Errors of the ablation"
 
 
-def draw(material: Material, out: Path) -> Figure:
+def draw(material: FigureData, out: Path) -> Figure:
     """Draw it.
 
     Raises:

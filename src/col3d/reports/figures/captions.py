@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 
-from col3d.metric_specs import MetricSpec
+from col3d.registry.metric_specs import MetricSpec
 from col3d.reports.compose import PHANTOM
 from col3d.reports.figures.material import Group, Method
 

@@ -10,7 +10,7 @@ from col3d.reports.figures.captions import NORMALS, about, sentences
 from col3d.reports.figures.choice import one_a_segment
 from col3d.reports.figures.figure import Figure, save
 from col3d.reports.figures.maps import Frame, Truth, read_truth
-from col3d.reports.figures.material import Material
+from col3d.reports.figures.material import FigureData
 from col3d.reports.figures.per_segment_samples import CHOSEN
 from col3d.reports.figures.sheet import BALL, Scale, Sheet, range_of
 from col3d.reports.figures.style import GREY
@@ -20,7 +20,7 @@ CIRCLES = (20, 40, 60, 80)
 """Degrees off the optical axis that are drawn as lines."""
 
 
-def draw(material: Material, out: Path) -> Figure:
+def draw(material: FigureData, out: Path) -> Figure:
     """Draw it.
 
     Raises:

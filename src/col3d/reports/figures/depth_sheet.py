@@ -3,11 +3,11 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from col3d.io.predictions import StoredPredictions
 from col3d.reports.figures.figure import save
 from col3d.reports.figures.maps import Frame, Guess, Truth, frame_value, read_maps
 from col3d.reports.figures.material import Method
 from col3d.reports.figures.sheet import Sheet, errors_up_to, range_of
-from col3d.reports.predictions import StoredPredictions
 
 
 def draw_depth(

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 
+from col3d.io.predictions import StoredPredictions
 from col3d.reports.figures.bins import Quartiles, quartiles
 from col3d.reports.figures.captions import UNSCALED, about, missing, seeds, sentences
 from col3d.reports.figures.figure import Figure, MissingError, blank, save
 from col3d.reports.figures.maps import Frame, read_guess, read_truth
-from col3d.reports.figures.material import IN_PICTURES, Material, Method
+from col3d.reports.figures.material import IN_PICTURES, FigureData, Method
 from col3d.reports.figures.plots import WIDTH, legend, plain
-from col3d.reports.predictions import StoredPredictions
 
 TITLE = "Errors by depth and by angle"
 FRAMES = 100
@@ -48,7 +48,7 @@ class Pixels:
         )
 
 
-def draw(material: Material, out: Path) -> Figure:
+def draw(material: FigureData, out: Path) -> Figure:
     """Draw it.
 
     Raises:

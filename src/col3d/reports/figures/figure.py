@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Canvas
 from PIL import Image
 
-from col3d.whole import write_whole
+from col3d.io.atomic import write_whole
 
 LARGEST_FILE = 400_000
 RESOLUTIONS = (100, 90, 80)

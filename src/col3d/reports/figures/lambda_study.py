@@ -12,10 +12,10 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 
-from col3d.metric_specs import OURS
+from col3d.registry.metric_specs import OURS
 from col3d.reports.figures.captions import about, missing, repeats, sentences
 from col3d.reports.figures.figure import Figure, MissingError, blank, save
-from col3d.reports.figures.material import Group, Material
+from col3d.reports.figures.material import FigureData, Group
 from col3d.reports.options import loss_of
 
 TITLE = "Weights of the loss"
@@ -35,7 +35,7 @@ class Line:
     results: tuple[float, ...]
 
 
-def draw(material: Material, out: Path) -> Figure:
+def draw(material: FigureData, out: Path) -> Figure:
     """Draw it.
 
     Raises:

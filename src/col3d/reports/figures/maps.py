@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from col3d.checks import DataError
+from col3d.errors import DataError
+from col3d.io.predictions import StoredPredictions
 from col3d.reports.figures.figure import MissingError
 from col3d.reports.figures.material import Method, predictions_folder
-from col3d.reports.predictions import StoredPredictions
 
 Frame = tuple[str, int]
 """A video and a number."""

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
+from col3d.io.predictions import StoredPredictions, read_facts
 from col3d.reports.compose import title_of
-from col3d.reports.experiments import Experiment, Repeats, experiments_of, label_of
+from col3d.reports.experiments import Experiment, SeedGroup, experiments_of, label_of
 from col3d.reports.figures.figure import MissingError
 from col3d.reports.figures.style import Look, Style, styles_of
-from col3d.reports.predictions import StoredPredictions, read_facts
 from col3d.reports.runs import Found, Run
 from col3d.reports.setting import Setting
 
@@ -70,7 +70,7 @@ class Group:
 
 
 @dataclass(frozen=True)
-class Material:
+class FigureData:
     """All that figures draw.
 
     Attributes:
@@ -94,7 +94,7 @@ class Material:
         return self.truth
 
 
-def material_of(found: Found, truth: Path | None) -> Material:
+def material_of(found: Found, truth: Path | None) -> FigureData:
     """Group runs as tables do and open the truth."""
     experiments = experiments_of(found)
     styles = styles_of({row.label: look_of(row) for e in experiments for row in e.rows})
@@ -105,16 +105,16 @@ def material_of(found: Found, truth: Path | None) -> Material:
     else:
         same = [row for e in experiments if e.setting == first.setting for row in e.rows]
         main = _group(list({row.runs[0].folder: row for row in reversed(same)}.values())[::-1], first, styles)
-    return Material(main, groups, _open(truth))
+    return FigureData(main, groups, _open(truth))
 
 
-def look_of(row: Repeats) -> Look:
+def look_of(row: SeedGroup) -> Look:
     """The network of a row, and its colour where a run recorded one."""
     colours = (str(run.summary.get("colour") or "") for run in row.runs)
     return Look(label_of(row.runs[0]), next(filter(None, colours), ""))
 
 
-def _group(rows: Sequence[Repeats], experiment: Experiment, styles: dict[str, Style]) -> Group:
+def _group(rows: Sequence[SeedGroup], experiment: Experiment, styles: dict[str, Style]) -> Group:
     methods = tuple(Method(row.label, row.runs, styles[row.label]) for row in rows[:IN_PLOTS])
     return Group(title_of(experiment), experiment.setting, methods)
 

@@ -6,13 +6,13 @@ from col3d.reports.figures.captions import about_maps, sentences
 from col3d.reports.figures.choice import one_a_segment
 from col3d.reports.figures.depth_sheet import draw_depth
 from col3d.reports.figures.figure import Figure
-from col3d.reports.figures.material import IN_PICTURES, Material
+from col3d.reports.figures.material import IN_PICTURES, FigureData
 
 TITLE = "Depth in each segment"
 CHOSEN = "Frames are the middle one of each segment's frames, in the order of videos and frames."
 
 
-def draw(material: Material, out: Path) -> Figure:
+def draw(material: FigureData, out: Path) -> Figure:
     """Draw it.
 
     Raises:

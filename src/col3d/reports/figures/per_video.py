@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 
-from col3d.metric_specs import OURS, MetricSpec
+from col3d.registry.metric_specs import OURS, MetricSpec
 from col3d.reports.figures.captions import about, repeats, sentences, with_direction
 from col3d.reports.figures.figure import Figure, MissingError, blank, save
-from col3d.reports.figures.material import Material, Method
+from col3d.reports.figures.material import FigureData, Method
 from col3d.reports.figures.plots import WIDTH, axis_label, from_zero, legend, plain
 
 TITLE = "Metrics by video"
@@ -19,7 +19,7 @@ MOST = 4
 VIDEOS_A_ROW, POINTS_A_BOX = 6, 150
 
 
-def draw(material: Material, out: Path) -> Figure:
+def draw(material: FigureData, out: Path) -> Figure:
     """Draw it.
 
     Raises:

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.lines import Line2D
 
-from col3d.metric_specs import MetricSpec
+from col3d.registry.metric_specs import MetricSpec
 from col3d.reports.figures.material import Method
 
 WIDTH, CHARACTERS = 11.0, 125

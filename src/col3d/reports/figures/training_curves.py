@@ -9,11 +9,11 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from col3d.checks import naming
-from col3d.metric_specs import OURS, MetricSpec
+from col3d.errors import naming
+from col3d.registry.metric_specs import OURS, MetricSpec
 from col3d.reports.figures.captions import about_training, sentences, with_direction
 from col3d.reports.figures.figure import Figure, MissingError, blank, save
-from col3d.reports.figures.material import Material, Method
+from col3d.reports.figures.material import FigureData, Method
 from col3d.reports.figures.plots import WIDTH, axis_label, from_zero, legend, plain
 from col3d.reports.figures.style import Dash
 from col3d.reports.options import at
@@ -29,7 +29,7 @@ Curve = tuple[np.ndarray, np.ndarray]
 """Epochs, from 1, and values."""
 
 
-def draw(material: Material, out: Path) -> Figure:
+def draw(material: FigureData, out: Path) -> Figure:
     """Draw it.
 
     Raises:

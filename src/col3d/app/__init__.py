@@ -1,1 +1,0 @@
-"""From a plain dictionary of options to a finished run: check it, build it, run it."""

@@ -1,0 +1,16 @@
+"""A data set prepared at one size: for each video four arrays in codes and an index, read by memory map.
+
+    <store>/<video>/image.npy    (n, 3, h, w) uint8
+                    depth.npy    (n, h, w) uint16
+                    normals.npy  (n, 2, h, w) int16, where there are normals
+                    mask.npy     (n, h, w) bool
+                    index.json   what it was made of and how; written last
+
+`col3d.data.cache.codes` says what the codes mean. A video's folder is there whole or not at all.
+"""
+
+from col3d.data.cache.index import Recipe, StoredVideo, folder_of, read_video, videos_in
+from col3d.data.cache.read import Stored
+from col3d.data.cache.write import write_video
+
+__all__ = ["Recipe", "Stored", "StoredVideo", "folder_of", "read_video", "videos_in", "write_video"]

@@ -1,0 +1,253 @@
+"""What a stored video says of itself, and whether it still is what it says."""
+
+import json
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from col3d.data.datasets.frame_files import Frame
+from col3d.errors import DataError
+from col3d.geometry import Camera
+from col3d.geometry.camera_file import camera_from_plain, plain_from_camera
+
+SCHEMA = 1
+"""Raised whenever equal sources give other codes or files than before."""
+DENSE_RULE = (
+    "image: bilinear, antialiased, in 8 bits; depth and normals: bilinear between the four pixels around; "
+    "known where all four are"
+)
+DERIVED_RULE = DENSE_RULE + ", depth where normals are not known too"
+SPARSE_RULE = DERIVED_RULE + "; else of the nearest known pixel inside"
+INDEX = "index.json"
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What a store is made by; its videos fit a training that asks for the same.
+
+    Attributes:
+        data: name of the data set.
+        size_hw: of the frames.
+        normals: stored, derived or none.
+        max_depth: millimetres of the highest code.
+        camera: at that size.
+        decoding: see `FrameSet.decoding`.
+        dense_truth: see `FrameSet`.
+    """
+
+    data: str
+    size_hw: tuple[int, int]
+    normals: str
+    max_depth: float
+    camera: Camera
+    decoding: Mapping[str, Any] = field(default_factory=dict)
+    dense_truth: bool = True
+
+    @property
+    def resize_rule(self) -> str:
+        """How files become frames of the size, in words."""
+        if not self.dense_truth:
+            return SPARSE_RULE
+        return DERIVED_RULE if self.normals == "derived" else DENSE_RULE
+
+    def plain(self) -> dict[str, Any]:
+        """As JSON has it."""
+        return {
+            "schema": SCHEMA,
+            "resize": self.resize_rule,
+            "data": self.data,
+            "size": list(self.size_hw),
+            "normals": self.normals,
+            "max_depth": self.max_depth,
+            "camera": plain_from_camera(self.camera),
+            "decoding": dict(self.decoding),
+        }
+
+
+@dataclass(frozen=True)
+class Shard:
+    """One array on disk.
+
+    Attributes:
+        shape: n frames first.
+        dtype: as numpy writes it.
+        offset: bytes before the data: the header.
+        bytes: of the whole file.
+        header_crc32: of those before the data.
+        crc32: of the whole file.
+    """
+
+    shape: tuple[int, ...]
+    dtype: str
+    offset: int
+    bytes: int
+    header_crc32: int
+    crc32: int
+
+    def check(self, path: Path) -> None:
+        """Refuse a file that is not the whole array.
+
+        Raises:
+            DataError: names the file.
+        """
+        try:
+            found = path.stat().st_size
+            with path.open("rb") as file:
+                header = zlib.crc32(file.read(self.offset))
+        except OSError as error:
+            raise DataError(f"{path}: a store's array is missing ({error.strerror}){AGAIN}") from None
+        if found != self.bytes:
+            raise DataError(f"{path}: a store's array has {found} bytes instead of {self.bytes}{AGAIN}")
+        if header != self.header_crc32:
+            raise DataError(f"{path}: a store's array does not begin as it was written{AGAIN}")
+
+
+AGAIN = "; run col3d prepare again"
+
+
+@dataclass(frozen=True)
+class StoredVideo:
+    """The index of one video.
+
+    Attributes:
+        folder: it lies in.
+        recipe: as JSON has it; see `Recipe.plain`.
+        release: of the data set that the source follows; empty where there is none.
+        frames: numbers, in the order of the arrays.
+        sources: path below the data set's root -> bytes and time of change in ns.
+        shards: by name.
+    """
+
+    folder: Path
+    recipe: dict[str, Any]
+    video: str
+    release: str
+    frames: tuple[int, ...]
+    sources: dict[str, tuple[int, int]]
+    shards: dict[str, Shard]
+
+    @property
+    def camera(self) -> Camera:
+        """Of the stored frames."""
+        return camera_from_plain(self.recipe["camera"])
+
+    def write(self) -> None:
+        """Write `index.json`."""
+        content = {**self.recipe, "video": self.video, "release": self.release, "frames": list(self.frames)}
+        content["shards"] = {name: asdict(shard) for name, shard in self.shards.items()}
+        content["sources"] = {name: list(found) for name, found in self.sources.items()}
+        (self.folder / INDEX).write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+
+    def check(self) -> None:
+        """Refuse arrays that are not whole.
+
+        Raises:
+            DataError: names the file.
+        """
+        for name, shard in self.shards.items():
+            shard.check(self.folder / f"{name}.npy")
+
+    def damaged(self) -> list[Path]:
+        """Arrays whose content is not what was written, read to the last byte."""
+        paths = {self.folder / f"{name}.npy": shard for name, shard in self.shards.items()}
+        return [path for path, shard in paths.items() if crc32_of(path) != shard.crc32]
+
+    def differs(self, recipe: Recipe) -> str:
+        """Fields that differ from those of a recipe, or nothing."""
+        wanted = recipe.plain()
+        names = [name for name in wanted if self.recipe.get(name) != wanted[name]]
+        if "normals" in names:  # the rule follows from them
+            names = [name for name in names if name != "resize"]
+        return ", ".join(self._difference(name, wanted[name]) for name in names)
+
+    def _difference(self, name: str, wanted: Any) -> str:
+        there = self.recipe.get(name)
+        if name == "camera" and isinstance(there, dict):
+            fields = [field for field in wanted if there.get(field) != wanted[field]]
+            return f"another camera, of another {' and '.join(fields)}"
+        return f"another {name}" if name == "resize" else f"{name} is {there}, not {wanted}"
+
+    def stale(self, root: Path, frames: Sequence[Frame]) -> str:
+        """Which source file has changed since, or nothing.
+
+        Args:
+            root: of the data set.
+            frames: of the video that are asked for, as they lie there now.
+        """
+        there = set(self.frames)
+        for frame in frames:
+            if frame.number not in there:
+                return f"frame {frame.number} of {self.video} has come since"
+            for path in frame.files.values():
+                name = path.relative_to(root).as_posix()
+                if self.sources.get(name) != state_of(path):
+                    return f"{path} has changed since"
+        return ""
+
+
+def state_of(path: Path) -> tuple[int, int]:
+    """Bytes and time of change of a source."""
+    found = path.stat()
+    return found.st_size, found.st_mtime_ns
+
+
+def sources_of(root: Path, frames: Sequence[Frame]) -> dict[str, tuple[int, int]]:
+    """State of every file that frames are read from."""
+    paths = [path for frame in frames for path in frame.files.values()]
+    return {path.relative_to(root).as_posix(): state_of(path) for path in paths}
+
+
+def folder_of(store: Path, video: str) -> Path:
+    """Where a video is kept; folders in its name make no folders in the store."""
+    return store / video.replace("/", "__")
+
+
+def videos_in(store: Path) -> list[str]:
+    """Names of the videos in a store."""
+    stored = (read_video(path) for path in store.iterdir() if path.is_dir())
+    return sorted(video.video for video in stored if video is not None)
+
+
+def read_video(folder: Path) -> StoredVideo | None:
+    """The index in a folder, or None where there is none that can be read."""
+    try:
+        content = json.loads((folder / INDEX).read_text(encoding="utf-8"))
+        shards = content.pop("shards")
+        return StoredVideo(
+            folder,
+            video=content.pop("video"),
+            release=content.pop("release"),
+            frames=tuple(content.pop("frames")),
+            sources={name: (found[0], found[1]) for name, found in content.pop("sources").items()},
+            shards={name: Shard(**{**s, "shape": tuple(s["shape"])}) for name, s in shards.items()},
+            recipe=content,
+        )
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return None
+
+
+def crc32_of(path: Path) -> int:
+    """Of a whole file."""
+    found = 0
+    with path.open("rb") as file:
+        while block := file.read(1 << 20):
+            found = zlib.crc32(block, found)
+    return found
+
+
+def shapes(size_hw: tuple[int, int], normals: bool) -> Mapping[str, tuple[tuple[int, ...], str]]:
+    """Shape and type of one frame in each array."""
+    height, width = size_hw
+    found = {
+        "image": ((3, height, width), np.dtype(np.uint8).str),
+        "depth": ((height, width), np.dtype("<u2").str),
+        "normals": ((2, height, width), np.dtype("<i2").str),
+        "mask": ((height, width), np.dtype(np.bool_).str),
+    }
+    if not normals:
+        del found["normals"]
+    return found

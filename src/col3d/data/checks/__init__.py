@@ -1,0 +1,35 @@
+"""Checks of a whole data set as it lies on disk: every file, every frame, what normals and poses mean.
+
+Nothing here ends at the first fault: what is wrong is collected as findings, each of which names the file,
+the rule and what came.
+"""
+
+from col3d.data.checks.conventions import CONVENTIONS, Convention, ranked
+from col3d.data.checks.findings import Finding, FrameReport, VideoReport
+from col3d.data.checks.lens import conclude_lens
+from col3d.data.checks.shown import frames_to_show
+from col3d.data.checks.thumbnails import Thumbnail, thumbnail
+from col3d.data.checks.video import Plan, check_chunk, plan_video
+from col3d.data.checks.video_summary import ExpectedVideo, duplicates, summarise_video
+from col3d.data.checks.work import WholeReport, check
+
+__all__ = [
+    "CONVENTIONS",
+    "Convention",
+    "ExpectedVideo",
+    "Finding",
+    "FrameReport",
+    "Plan",
+    "Thumbnail",
+    "VideoReport",
+    "WholeReport",
+    "check",
+    "check_chunk",
+    "conclude_lens",
+    "duplicates",
+    "frames_to_show",
+    "plan_video",
+    "ranked",
+    "summarise_video",
+    "thumbnail",
+]

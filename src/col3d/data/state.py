@@ -1,0 +1,86 @@
+"""What the files of data sets are at a moment: sizes and times of change, or the sums of a store."""
+
+import hashlib
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from col3d.data.build import frame_set
+from col3d.data.cache import folder_of, read_video, videos_in
+from col3d.data.datasets.frame_files import Frame
+from col3d.data.datasets.frame_set import FrameSet
+from col3d.data.options import DataOptions, SourceOptions
+from col3d.data.splits import SPLITS, selection_of_any_video
+from col3d.errors import DataError
+from col3d.phantom.options import PhantomOptions
+
+State = dict[str, str]
+"""What is looked at, such as "depth of cecum_t1_a (c3vd, val)" -> number of files, bytes and a sum."""
+
+
+def data_state(data: DataOptions, phantom: PhantomOptions) -> State:
+    """Of every frame that a training reads, in all parts of its split."""
+    parts = {part: data.tested if part == "test" else data for part in SPLITS}
+    found: State = {}
+    for part, source in parts.items():
+        found |= part_state(source, phantom, part)
+    for source in data.also.values():
+        found |= part_state(source, phantom, "train")
+    return found
+
+
+def part_state(source: SourceOptions, phantom: PhantomOptions, part: str) -> State:
+    """Of the frames of one part of a split; what is not there is not in it."""
+    entries = getattr(source.split, part)
+    if not Path(source.root).is_dir():
+        return _of_store(source, entries)
+    frames = frame_set(source, phantom, [])
+    kinds = _files(frames, entries)
+    found = {
+        f"{kind} of {video} ({source.name}, {part})": _summed(frames.root, paths)
+        for (video, kind), paths in kinds.items()
+    }
+    layout = source.own.get("layout")
+    if layout is not None and (camera := frames.root / layout.camera_file).is_file():
+        found[f"camera ({source.name})"] = _summed(frames.root, [camera])
+    return found
+
+
+def _files(frames: FrameSet, entries: Iterable[str]) -> dict[tuple[str, str], list[Path]]:
+    found: dict[tuple[str, str], list[Path]] = defaultdict(list)
+    for frame in _found(frames, entries):
+        for kind, path in frame.files.items():
+            found[frame.video, kind].append(path)
+    return found
+
+
+def _found(frames: FrameSet, entries: Iterable[str]) -> Iterator[Frame]:
+    for entry in entries:
+        try:
+            yield from frames.find(entry)
+        except DataError:  # allowed to be missing; where it is not, reading it says so
+            continue
+
+
+def _summed(root: Path, paths: Iterable[Path]) -> str:
+    """Number, bytes and a sum over names, sizes and times of change."""
+    total, count, size = hashlib.blake2b(digest_size=8), 0, 0
+    for path in paths:
+        try:
+            found = path.stat()
+        except OSError:  # gone since it was listed
+            continue
+        total.update(f"{path.relative_to(root).as_posix()}\0{found.st_size}\0{found.st_mtime_ns}\n".encode())
+        count, size = count + 1, size + found.st_size
+    return f"{count} files, {size} bytes, {total.hexdigest()}"
+
+
+def _of_store(source: SourceOptions, entries: Iterable[str]) -> State:
+    """By the sums that a store keeps of its arrays, where the files themselves are not there."""
+    store, found = Path(source.store), {}
+    present = videos_in(store) if store.is_dir() else []
+    for name in dict.fromkeys(selection_of_any_video(entry, present).video for entry in entries):
+        video = read_video(folder_of(store, name))
+        for kind, shard in ({} if video is None else video.shards).items():
+            found[f"{kind} of {name} (store)"] = f"{shard.bytes} bytes, crc32 {shard.crc32:08x}"
+    return found

@@ -1,0 +1,164 @@
+"""Predict a part of a split once, and score the predictions under any number of protocols."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from col3d.data.build import sized_frames
+from col3d.data.checks.truth import has_truth
+from col3d.data.datamodule import FrameDataModule, Frames
+from col3d.errors import UserError
+from col3d.evaluation.options import EvaluateOptions, ProtocolOptions, build_protocol
+from col3d.evaluation.results import Results, facts_of
+from col3d.evaluation.scorer import Scoring, score_network
+from col3d.evaluation.setup import EvaluationSetup, evaluation_setup
+from col3d.evaluation.truth import one_by_one, own_truth
+from col3d.inference.compiled import compile_network
+from col3d.inference.trained_network import SHIPPED
+from col3d.io.ownership import Owned
+from col3d.io.predictions import PredictionWriter, owned_predictions
+from col3d.layers.network import measured_tasks
+from col3d.metrics.measure import try_metrics
+from col3d.registry.refusals import check_options
+from col3d.reports.run_page import PAGE, write_run_page
+from col3d.runs.decorations import Decorations
+from col3d.runs.environment import check_accelerator, device_for, quiet
+from col3d.runs.known_failures import as_user_errors
+from col3d.signals import StopSignals, stoppable
+
+KIND = "evaluation"
+FILES = ("summary.json", "per_frame.csv", PAGE)
+"""What an evaluation writes, beside pictures and predictions."""
+
+
+def evaluate(given: Mapping[str, Any]) -> None:
+    """Rebuild network and data, and write the tables of one part of the split, for each protocol.
+
+    Args:
+        given: the composed configuration as plain values; see `EvaluateOptions`.
+
+    Raises:
+        UserError: an option or the checkpoint breaks a rule.
+        SystemExit: 130 or 143, when it is asked to stop; the same command begins again.
+    """
+    quiet()
+    options = check_options(EvaluateOptions, given)
+    check_accelerator(options.accelerator)
+    with (
+        stoppable("the same command begins again, and nothing of before was lost") as stop,
+        as_user_errors("batch_size=1 takes the least"),
+    ):
+        _evaluate(options, stop)
+
+
+def _evaluate(options: EvaluateOptions, stop: StopSignals) -> None:
+    setup = evaluation_setup(options)
+    height, width = setup.data.size
+    try_metrics(measured_tasks(setup.network), (height, width), options.metrics)
+    frames = sized_frames(setup.data, setup.phantom, options.split, setup.data.size)
+    setup.scored.print_audit()
+    for name in options.protocol:
+        Owned(_folder(options, name), KIND, "output_dir").check(FILES)
+    truths: dict[str, Frames | None] = {}
+    for name, protocol in options.protocol.items():
+        truths[name] = own_truth(protocol, setup.data, setup.phantom, options.split, setup.data.size)
+        _check_truth(truths[name] or frames, name, protocol, setup, options)
+    device = device_for(options.accelerator)
+    scorings = {
+        name: Scoring(
+            build_protocol(name, protocol, options.metrics),
+            _results(setup, options, name, len(frames)),
+            protocol.mirror,
+            one_by_one(truths[name], setup.data.workers, device),
+            pictures=protocol.resolution == "network",
+        )
+        for name, protocol in options.protocol.items()
+    }
+    if options.compile:
+        compile_network(setup.network, trained=True)
+    score_network(
+        setup.network,
+        FrameDataModule({"test": frames}, setup.data.batch_size, setup.data.workers),
+        device,
+        [*scorings.values()],
+        setup.mean_depth,
+        _writers(setup, options),
+    )
+    stop.hold()  # for seconds, after which all files are there
+    for name, scoring in scorings.items():
+        _write(setup, options, name, scoring.results)
+    stop.asked = None  # a signal that came too late for anything to be lost by it
+
+
+def _check_truth(
+    frames: Frames, name: str, protocol: ProtocolOptions, setup: EvaluationSetup, options: EvaluateOptions
+) -> None:
+    """Refuse to score what nothing is known of, before anything is predicted."""
+    low, high = protocol.truth_range
+    if not has_truth(frames, [low, high]):
+        raise UserError(
+            f"data.split.{options.split}: none of its {len(frames)} frames in {setup.data.root} has a "  # type: ignore[arg-type]
+            f"pixel of valid depth that protocol {name} counts, within {low:g} and {high:g} mm: nothing can "
+            "be scored"
+        )
+
+
+def _results(setup: EvaluationSetup, options: EvaluateOptions, name: str, frames: int) -> Results:
+    facts = facts_of(setup.name, setup.seed, setup.scored, name)
+    average = options.protocol[name].average
+    lengths = {str(options.split): frames}
+    results = Results(facts, _folder(options, name), KIND, setup.scored, lengths, options.panels, average)
+    results.panels.choose(frames)
+    return results
+
+
+def _writers(setup: EvaluationSetup, options: EvaluateOptions) -> dict[str | None, PredictionWriter]:
+    """What keeps predictions, where they are asked for: for each way of mirroring."""
+    if not options.predictions:
+        return {}
+    found = {}
+    for mirror in dict.fromkeys(protocol.mirror for protocol in options.protocol.values()):
+        folder = _run(options) / _name("predictions", options, mirror)
+        owned_predictions(folder).check_place()
+        facts = {"max_depth": setup.max_depth, "split": options.split, "mirror": mirror}
+        found[mirror] = PredictionWriter(folder, facts)
+    return found
+
+
+def _write(setup: EvaluationSetup, options: EvaluateOptions, name: str, results: Results) -> None:
+    """The files of one protocol."""
+    folder, checkpoint = results.folder, Path(options.checkpoint)
+    Owned(folder, KIND, "output_dir").claim(*FILES)
+    results.table.save()
+    summary = results.write(setup.network, checkpoint, {})
+    decorations = Decorations("the result stands; the same command makes it again")
+    with decorations.one("panels"):
+        results.panels.clear()
+        results.panels.draw()
+    with decorations.one(PAGE):
+        write_run_page(folder)
+    results.show(summary, checkpoint)
+
+
+def _folder(options: EvaluateOptions, protocol: str) -> Path:
+    """Where the tables of a protocol go."""
+    if options.output_dir is None:
+        return _run(options) / _name("evaluation", options, None if protocol == "house" else protocol)
+    folder = Path(options.output_dir)
+    return folder if len(options.protocol) == 1 else folder / protocol
+
+
+def _run(options: EvaluateOptions) -> Path:
+    """The folder of the run that the checkpoint belongs to."""
+    if options.checkpoint == SHIPPED:
+        return Path("runs") / SHIPPED
+    folder = Path(options.checkpoint).parent
+    return folder.parent if folder.name == "checkpoints" else folder
+
+
+def _name(kind: str, options: EvaluateOptions, variant: str | None) -> str:
+    """A folder's name: what it holds, whose weights, which part, and the protocol or mirroring."""
+    stem = Path(options.checkpoint).stem
+    whose = f"{options.published}_{stem}" if options.published else None if stem == "best" else stem
+    other = options.data and f"{options.data.name}_{options.data.split.name}"
+    return "_".join(part for part in (kind, whose, other, options.split, variant) if part)

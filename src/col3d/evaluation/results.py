@@ -1,0 +1,136 @@
+"""What an evaluation leaves behind: per_frame.csv, summary.json, panels, and the table on screen."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from lightning.pytorch.loggers import Logger, MLFlowLogger, TensorBoardLogger, WandbLogger
+from PIL import Image
+from torch import nn
+
+from col3d.data.datasets.videos import describe
+from col3d.evaluation.panels import ImagePanels
+from col3d.evaluation.per_frame_table import PerFrameTable
+from col3d.evaluation.scored_part import Scored
+from col3d.registry import MODELS
+from col3d.reports.per_frame import means
+from col3d.reports.run_page import PAGE
+from col3d.reports.summary import print_summary, summarise, write_json
+from col3d.runs.provenance import provenance
+
+Facts = dict[str, str | int]
+SUMMARY = "summary.json"
+
+
+def facts_of(model: str, seed: int, scored: Scored, protocol: str) -> Facts:
+    """The columns that stand in every row of a table."""
+    return {
+        "model": model,
+        "seed": seed,
+        "data": scored.source.name,
+        "split": scored.part,
+        "protocol": protocol,
+    }
+
+
+def look_of(model: str) -> dict[str, str]:
+    """How reports call a network and draw it, as far as its registration says."""
+    part = MODELS.parts.get(model)
+    said = {name: str(part.facts.get(name, "")) for name in ("label", "colour")} if part else {}
+    return {name: value for name, value in said.items() if value}
+
+
+class Results:
+    """What collects the results of one evaluation, and the files they end in.
+
+    Args:
+        facts: what is the same for every frame; see `facts_of`.
+        folder: where the files go.
+        kind: of what is written there; see `Owned`.
+        scored: the part of a split that is scored.
+        frames: number of frames of each part.
+        panels: how many pictures.
+        average: what weighs the same in the means: frame, video or pixel.
+        changed: what changed between the starts of the training, in lines.
+    """
+
+    def __init__(
+        self,
+        facts: Facts,
+        folder: Path,
+        kind: str,
+        scored: Scored,
+        frames: Mapping[str, int],
+        panels: int,
+        average: str = "frame",
+        changed: Sequence[str] = (),
+    ) -> None:
+        self.folder, self.facts, self.average = folder, facts, average
+        self.context: dict[str, Any] = {
+            "split_name": scored.source.split.name,
+            "size": list(scored.size),
+            "frames_by_split": dict(frames),
+            "shared_with_training": {row.video: row.worst for row in scored.shared},
+            "changed_between_starts": list(changed),
+        }
+        self.table = PerFrameTable(folder / "per_frame.csv", self.facts, describe)
+        self.panels = ImagePanels(folder, kind, panels)
+
+    def write(
+        self,
+        network: nn.Module,
+        checkpoint: Path,
+        best: Mapping[str, float],
+        loggers: Sequence[Logger] = (),
+    ) -> dict[str, Any]:
+        """Write summary.json and the last row of the loggers' tables; the summary.
+
+        Raises:
+            UserError: no frame has a pixel of valid depth under the protocol.
+        """
+        facts = {
+            **self.facts,
+            **look_of(str(self.facts["model"])),
+            **self.context,
+            "checkpoint": str(checkpoint),
+            "best": dict(best),
+            "baseline": means(self.table.baseline, self.average, self.table.specs),
+            "parameters": sum(p.numel() for p in network.parameters()),
+            "cost": None,
+            **provenance(),
+        }
+        summary = summarise(self.table.rows, facts, self.average, self.table.specs)
+        for logger in loggers:
+            self.log(logger, summary)
+        write_json(self.folder / SUMMARY, summary)
+        return summary
+
+    def log(self, logger: Logger, summary: Mapping[str, Any]) -> None:
+        """Hand the scores to a logger."""
+        scores = {f"test/{name}": value for name, value in summary["metrics"].items()}
+        best = summary["best"]
+        logger.log_metrics({**scores, **({"epoch": best["epoch"]} if "epoch" in best else {})})
+        logger.save()
+        _show_pictures(logger, self.panels.paths)
+
+    def show(self, summary: Mapping[str, Any], checkpoint: Path) -> None:
+        """Print the table, and the paths."""
+        print_summary(summary)
+        wrote = [
+            self.folder / name for name in (PAGE, SUMMARY, "per_frame.csv", "metrics.csv", "config.yaml")
+        ]
+        lines = [str(path) for path in (*wrote, self.folder / "panels", checkpoint) if path.exists()]
+        print("wrote", *lines, sep="\n  ", flush=True)
+
+
+def _show_pictures(logger: Logger, paths: Sequence[Path]) -> None:
+    """Hand pictures to a logger that takes them."""
+    if isinstance(logger, WandbLogger) and paths:
+        logger.log_image("panels", [str(path) for path in paths])
+    for path in paths:
+        if isinstance(logger, TensorBoardLogger):
+            picture = np.array(Image.open(path, formats=["PNG"]))
+            logger.experiment.add_image(f"panels/{path.stem}", picture, dataformats="HWC")
+        elif isinstance(logger, MLFlowLogger):
+            logger.experiment.log_artifact(logger.run_id, str(path), "panels")

@@ -1,0 +1,38 @@
+"""What a protocol holds predictions against, where that is not the frames at the network's size."""
+
+from collections.abc import Iterator, Sequence
+
+import torch
+
+from col3d.batch import Batch
+from col3d.data.build import full_frames
+from col3d.data.datamodule import FrameDataModule, Frames
+from col3d.data.options import SourceOptions
+from col3d.data.sized import WithMixedTruth
+from col3d.evaluation.options import ProtocolOptions
+from col3d.phantom.options import PhantomOptions
+
+
+def own_truth(
+    options: ProtocolOptions,
+    source: SourceOptions,
+    phantom: PhantomOptions,
+    part: str,
+    size: Sequence[int],
+) -> Frames | None:
+    """The frames that a protocol has for itself: of their own resolution, or resized as published.
+
+    Raises:
+        DataError: a video is missing, or a file is not what it should be.
+    """
+    if options.resolution == "network" and options.truth == "clean":
+        return None
+    whole = full_frames(source, phantom, part)
+    return whole if options.resolution == "native" else WithMixedTruth(whole, (size[0], size[1]))
+
+
+def one_by_one(frames: Frames | None, workers: int, device: torch.device) -> Iterator[Batch] | None:
+    """Those of this process in batches of one, in the order that predictions are made in."""
+    if frames is None:
+        return None
+    return FrameDataModule({"test": frames}, 1, workers).frames_in_order("test", device)

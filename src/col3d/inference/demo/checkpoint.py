@@ -1,0 +1,21 @@
+"""Which network the page shows when nobody says."""
+
+from pathlib import Path
+
+from col3d.inference.trained_network import SHIPPED
+from col3d.reports.jobs import RESULT
+from col3d.runs.folder import CHECKPOINTS
+
+
+def newest_checkpoint(runs: Path) -> Path:
+    """The best checkpoint of the run that finished last, or the network that is shipped where none has.
+
+    Args:
+        runs: a folder of runs and of sweeps.
+    """
+    marks = sorted(runs.rglob(RESULT), key=lambda path: path.stat().st_mtime, reverse=True)
+    for mark in marks:
+        checkpoint = mark.parent / CHECKPOINTS / "best.ckpt"
+        if checkpoint.is_file():
+            return checkpoint
+    return Path(SHIPPED)

@@ -1,0 +1,278 @@
+"""One surface of a whole video, from its true depth and from a network's, and how far they are apart."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jaxtyping import Bool, Float, UInt8
+from torch import Tensor
+
+from col3d.data.datasets.c3vd import C3VD
+from col3d.data.datasets.coverage_mesh import COVERAGE_MESH, CoverageMesh, read_coverage_mesh
+from col3d.data.datasets.octagon import octagon_mask
+from col3d.data.datasets.pose_readings import PoseReading, find_reading
+from col3d.data.processes import frames_bar
+from col3d.data.resize import Resize
+from col3d.errors import DataError, UserError
+from col3d.geometry import Camera
+from col3d.inference.fusion.video import video_of
+from col3d.inference.options import FuseOptions, PoseOptions
+from col3d.inference.predictor import Predictor, load_predictor
+from col3d.inference.trained_network import SIZE
+from col3d.io.ownership import Owned
+from col3d.registry.refusals import check_options
+from col3d.reports.fusion import print_fusion, write_fusion_page
+from col3d.reports.scenes import Cloud, Scene, error_colours, thinned
+from col3d.reports.summary import write_json
+from col3d.runs.environment import check_accelerator, quiet
+from col3d.runs.known_failures import as_user_errors
+from col3d.runs.provenance import provenance
+from col3d.signals import StopSignals, stoppable
+
+if TYPE_CHECKING:
+    from col3d.inference.fusion import Surface
+
+FAR_OFF = 5.0
+"""Millimetres at the upper end of the colours of errors."""
+SHOWN = 60_000
+"""Points of a surface in the page."""
+SUMMARY, PAGE = "fusion.json", "fusion.html"
+WRITTEN = (PAGE, SUMMARY, "truth.ply", "predicted.ply", "error.ply")
+
+
+@dataclass(frozen=True)
+class FusionFrame:
+    """A frame at the network's size, its pose, its true depth and what the network says of it.
+
+    The mask is where depth is known, or where the endoscope shows anything if the video has no truth.
+    """
+
+    image: UInt8[Tensor, "3 h w"]
+    depth: Float[Tensor, "1 h w"]
+    mask: Bool[Tensor, "1 h w"]
+    pose: Float[np.ndarray, "4 4"]
+    predicted: Float[Tensor, "1 h w"] | None
+
+
+def fuse(given: Mapping[str, Any]) -> None:
+    """Fuse a video and compare.
+
+    Args:
+        given: the composed configuration as plain values; see `FuseOptions`.
+
+    Raises:
+        UserError: an option breaks a rule, a file is missing or broken, or Open3D is not installed.
+    """
+    quiet()
+    options = check_options(FuseOptions, given)
+    check_accelerator(options.accelerator)
+    _check_open3d()
+    try:
+        with (
+            as_user_errors("frames=50 fuses fewer frames, voxel=1 in larger steps, far=60 less of them"),
+            stoppable(f"the same command begins anew; nothing new is in {options.output}") as stop,
+        ):
+            _fuse(options, stop)
+    except DataError as error:
+        raise UserError(str(error)) from None
+
+
+def _fuse(options: FuseOptions, stop: StopSignals) -> None:
+    output = _checked_room(options)
+    frames = video_of(options)
+    poses = _poses(frames, options.poses)
+    network = _network(options)
+    wall = _wall(frames)
+    height, width = network.size_hw if network else options.size or SIZE
+    resize = Resize((height, width), frames.camera)
+    chosen = _chosen(frames, poses, options.frames)
+    seen = list(_seen(frames, chosen, poses, resize, network))
+    camera = resize.resized_camera
+    found: dict[str, Any] = {"video": options.video, "frames": len(seen), "voxel_mm": options.voxel}
+    surfaces = {}
+    if frames.with_truth:
+        surfaces["truth"] = _surface("truth", seen, [frame.depth for frame in seen], camera, options)
+    if network is not None:
+        factor = _scale(seen) if options.scale == "median" else 1.0
+        found |= {"model": network.name, "checkpoint": options.checkpoint, "scale": factor}
+        depths = [frame.predicted * factor for frame in seen if frame.predicted is not None]
+        surfaces["prediction"] = _surface("prediction", seen, depths, camera, options)
+    found["comparisons"] = _compared(surfaces, wall, options.voxel)
+    if wall is not None:
+        found["seen_faces"] = None if wall.observed is None else [len(wall.seen), len(wall.triangles)]
+    stop.hold()  # seconds, after which all of it is there
+    _write(output, found, surfaces)
+    stop.asked = None  # a signal that came too late for anything to be lost by it
+
+
+def _write(output: Path, found: dict[str, Any], surfaces: Mapping[str, "Surface"]) -> None:
+    """Put everything in place of an earlier fusion."""
+    owned = Owned(output, "fusion", "output")
+    owned.remove()
+    owned.claim(*WRITTEN)
+    clouds = []
+    if truth := surfaces.get("truth"):
+        truth.write(output / "truth.ply")
+        clouds.append(_cloud("true depth", truth))
+    if predicted := surfaces.get("prediction"):
+        predicted.write(output / "predicted.ply")
+        shown = None
+        if truth:
+            shown = error_colours(truth.distance(predicted.vertices), FAR_OFF)
+            predicted.write(output / "error.ply", shown)
+        clouds.append(_cloud("prediction", predicted, shown))
+    scene = Scene(Path(found["video"]).name, tuple(clouds), FAR_OFF, from_camera=False)
+    write_fusion_page(output / PAGE, found, scene)
+    write_json(output / SUMMARY, {**found, **provenance()})
+    print_fusion(found, [output / name for name in WRITTEN if (output / name).exists()])
+
+
+def _check_open3d() -> None:
+    """Refuse before work starts where Open3D, or a library of the system that it loads, is missing."""
+    try:
+        import_module("open3d")
+    except ImportError as error:
+        raise UserError(
+            f"col3d fuse needs Open3D ({error}): pip install -e '.[fusion]', and on Debian "
+            "apt-get install libusb-1.0-0"
+        ) from None
+
+
+def _network(options: FuseOptions) -> Predictor | None:
+    if options.checkpoint is None:
+        return None
+    found = load_predictor(Path(options.checkpoint), options.published, options.max_depth, options.size)
+    found.place(options.accelerator)
+    return found
+
+
+def _checked_room(options: FuseOptions) -> Path:
+    """The folder, where nothing else would be replaced in it."""
+    output = Path(options.output)
+    if output.exists() and not output.is_dir():
+        raise UserError(f"output: {output} is a file; name a folder")
+    owned = Owned(output, "fusion", "output")
+    owned.check(WRITTEN)
+    if SUMMARY in owned.there() and not options.overwrite:
+        raise UserError(f"output: {output} holds a fusion already; name another folder or overwrite=true")
+    return output
+
+
+def _poses(frames: C3VD, options: PoseOptions) -> dict[int, np.ndarray]:
+    """Camera to world of each frame by its number, as depth bears it out."""
+    stored = frames.poses(frames.frames[0].video).numpy()
+    asked = options.model_dump(exclude={"check"})
+    reading = PoseReading.of(asked)
+    if options.check and frames.with_truth:
+        found = find_reading(frames, stored, asked)
+        reading = found.reading
+        if found.note:
+            print(f"note: {found.note}", flush=True)
+    if not frames.with_truth:
+        print(
+            "note: without true depth nothing bears the poses out; they are read as C3VD's, or as said",
+            flush=True,
+        )
+    poses = reading.camera_to_world(stored)
+    placed = {frame.number: reading.of_frame(poses, frame.number) for frame in frames.frames}
+    return {number: pose for number, pose in placed.items() if pose is not None}
+
+
+def _chosen(frames: C3VD, poses: Mapping[int, np.ndarray], most: int | None) -> list[int]:
+    """Places of frames, spread evenly over those that have a pose."""
+    posed = [place for place, frame in enumerate(frames.frames) if frame.number in poses]
+    if not posed:
+        raise DataError(f"{frames.root}: no line of pose.txt is of a frame there")
+    if missing := len(frames) - len(posed):
+        print(
+            f"note: {missing} of {len(frames)} frames have no line in pose.txt and are left out", flush=True
+        )
+    count = min(most or len(posed), len(posed))
+    return [posed[round(place)] for place in np.linspace(0, len(posed) - 1, count)]
+
+
+def _seen(
+    frames: C3VD,
+    chosen: Sequence[int],
+    poses: Mapping[int, np.ndarray],
+    resize: Resize,
+    network: Predictor | None,
+) -> Iterator[FusionFrame]:
+    camera = resize.resized_camera
+    view = octagon_mask(camera.size_hw)
+    with frames_bar("read" if network is None else "read and predict") as bar:
+        for place in bar.track(chosen):
+            item = resize.read(frames, place)
+            predicted = None
+            if network is not None:
+                predicted = network.predict(item["image"][None], camera)["depth"][0].cpu()
+            pose = poses[frames.frames[place].number]
+            mask = item["mask"] if frames.with_truth else view
+            yield FusionFrame(item["image"], item["depth"], mask, pose, predicted)
+
+
+def _scale(seen: Sequence[FusionFrame]) -> float:
+    """One factor for the whole video: the median over frames of the ratio of medians."""
+    ratios = [
+        (frame.depth[frame.mask].median() / frame.predicted[frame.mask].median()).item()
+        for frame in seen
+        if frame.predicted is not None and frame.mask.any()
+    ]
+    return float(np.median(ratios))
+
+
+def _surface(
+    what: str, seen: Sequence[FusionFrame], depths: Sequence[Tensor], camera: Camera, options: FuseOptions
+) -> "Surface":
+    """The surface of all frames with these depths, of the pixels of their masks."""
+    from col3d.inference.fusion import Volume
+
+    if not any(frame.mask.any() for frame in seen):
+        raise DataError("video: no frame has a pixel of known depth")
+    volume = Volume(options.voxel)
+    with frames_bar(f"fuse the {what}") as bar:
+        for frame, depth in bar.track(list(zip(seen, depths, strict=True))):
+            near = frame.mask if options.far is None else frame.mask & (depth < options.far)
+            volume.add(depth, near, frame.image, camera, frame.pose)
+    surface = volume.surface()
+    if not len(surface.triangles):
+        raise DataError(f"the {what} gives no surface; is voxel={options.voxel} too small, or far= too near?")
+    return surface
+
+
+def _wall(frames: C3VD) -> CoverageMesh | None:
+    """The data set's own mesh of the wall, where it is there."""
+    path = frames.folders[frames.frames[0].video] / COVERAGE_MESH
+    if not path.is_file():
+        return None
+    found = read_coverage_mesh(path)
+    if found.observed is None:
+        print(f"note: {COVERAGE_MESH} does not say which faces were observed; all of them count", flush=True)
+    return found
+
+
+def _compared(
+    surfaces: Mapping[str, "Surface"], wall: CoverageMesh | None, spacing: float
+) -> dict[str, dict[str, float]]:
+    """Every comparison that there is something for, by name; only what was observed can be complete."""
+    from col3d.inference.fusion import Surface, compare
+
+    found = {}
+    if surfaces.keys() == {"truth", "prediction"}:
+        both = compare(surfaces["prediction"], surfaces["truth"], spacing)
+        found["prediction to fused truth"] = both.summary()
+    if wall is not None:
+        whole, seen = (Surface(wall.vertices, triangles) for triangles in (wall.triangles, wall.seen))
+        for name, surface in surfaces.items():
+            found[f"{name} to {COVERAGE_MESH}"] = compare(surface, whole, spacing, seen).summary()
+    return found
+
+
+def _cloud(name: str, surface: "Surface", error: np.ndarray | None = None) -> Cloud:
+    """Some of its corners, for the page."""
+    kept = thinned(len(surface.vertices), SHOWN)
+    assert surface.colours is not None
+    return Cloud(name, surface.vertices[kept], surface.colours[kept], None if error is None else error[kept])

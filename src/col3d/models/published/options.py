@@ -1,0 +1,10 @@
+"""Whose weights a file holds, as an option."""
+
+from typing import TYPE_CHECKING, Literal
+
+from col3d.models.published import SOURCES
+
+if TYPE_CHECKING:
+    Published = str
+else:
+    Published = Literal[*SOURCES]

@@ -1,0 +1,9 @@
+"""Types of options that several rooms share."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Accelerator = Literal["auto", "cpu", "gpu", "cuda"]
+"""What a program computes on; `auto` is a GPU where there is one."""

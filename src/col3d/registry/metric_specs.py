@@ -1,0 +1,211 @@
+"""What is said of each metric, once: its task, unit and direction, its headings, and how it is averaged.
+
+Nothing here computes anything, so that reports, which know no torch, read the same table as the scorer.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+from col3d.errors import check_known
+
+TASKS = ("depth", "normals")
+DIRECTIONS = ("lower", "higher", None)
+OVER_PIXELS = ("mean", "root", None)
+COUNTS = ("pixels", "normal_pixels")
+"""What a score says beside metrics: how many pixels it counted."""
+RESERVED = (
+    *("model", "seed", "data", "split", "video", "segment", "texture", "frame", "protocol"),
+    *(*COUNTS, "frames", "epoch", "step"),
+)
+"""Names of other columns and entries of the files that metrics stand in."""
+
+
+@dataclass(frozen=True)
+class MetricSpec:
+    """A metric as files, tables and figures need to know it; the defaults are those of a plugin's metric.
+
+    Attributes:
+        name: in `per_frame.csv`, `metrics.csv` (`val/<name>`) and `summary.json`.
+        task: "depth" or "normals": what it is measured on; "" where nobody knows.
+        better: "lower", "higher", or None where neither is, and no row of a table is best.
+        unit: of the printed value, after `scale`.
+        heading: in tables and figures; the name where it is empty.
+        latex: likewise, in LaTeX's words; the heading where it is empty.
+        decimals: digits after the point in tables.
+        scale: what values are multiplied by in tables: 100 for shares in percent.
+        over_pixels: what `average=pixel` does with the values of frames: "mean" weighs each by its pixels,
+            "root" does so with its square, None leaves the metric out: its value is not one of pixels.
+        in_validation: whether it is measured after every epoch of a training, as `val/<name>`.
+        undefined: whether NaN says that a frame has no such value, which is then not counted; otherwise NaN
+            is an error of the prediction, and stays.
+        short: heading on screen, with the unit; values there are not scaled.
+        short_decimals: digits after the point on screen.
+        on_screen: whether it stands in the table that a run prints.
+        by_video: whether it stands in tables by video.
+        further: whether it stands in the table of further metrics instead of the main one.
+    """
+
+    name: str
+    task: str = "depth"
+    better: str | None = None
+    unit: str = ""
+    heading: str = ""
+    latex: str = ""
+    decimals: int = 3
+    scale: float = 1.0
+    over_pixels: str | None = "mean"
+    in_validation: bool = True
+    undefined: bool = True
+    short: str = ""
+    short_decimals: int | None = None
+    on_screen: bool = True
+    by_video: bool = True
+    further: bool = False
+
+    @property
+    def title(self) -> str:
+        """Heading in tables and figures."""
+        return self.heading or self.name
+
+    @property
+    def screen_title(self) -> str:
+        """Heading on screen."""
+        unit = self.unit if self.scale == 1 and self.unit not in self.title else ""
+        return self.short or f"{self.title} {unit}".strip()
+
+    @property
+    def screen_decimals(self) -> int:
+        """Digits after the point on screen."""
+        return self.decimals if self.short_decimals is None else self.short_decimals
+
+    def plain(self) -> dict[str, Any]:
+        """What differs from the defaults, as JSON holds it."""
+        usual = MetricSpec(self.name)
+        return {key: value for key, value in asdict(self).items() if value != getattr(usual, key)}
+
+
+def checked_spec(spec: MetricSpec) -> MetricSpec:
+    """A spec that files and tables can hold.
+
+    Raises:
+        ValueError: names what breaks a rule.
+    """
+    where = f"register_metric: {spec.name}"
+    if spec.name in RESERVED or spec.name == "loss" or spec.name.startswith("loss_"):
+        raise ValueError(f"{where} is the name of another column; give the metric another one")
+    if OURS.get(spec.name, spec) is not spec:
+        raise ValueError(f"{where} is a metric of col3d; give yours another name")
+    for argument, known in (("task", TASKS), ("better", DIRECTIONS), ("over_pixels", OVER_PIXELS)):
+        value = getattr(spec, argument)
+        if value not in known:
+            check_known(f"{where}: {argument}", str(value), map(str, known))
+    for argument in ("unit", "heading", "latex", "short"):
+        if not getattr(spec, argument).isprintable():
+            raise ValueError(f"{where}: {argument}: expected one line, got {getattr(spec, argument)!r}")
+    if not 0 <= spec.decimals <= 12:
+        raise ValueError(f"{where}: decimals: expected 0 to 12, got {spec.decimals}")
+    return spec
+
+
+def specs_from(recorded: Mapping[str, Mapping[str, Any]]) -> dict[str, MetricSpec]:
+    """Specs as `summary.json` keeps them; fields that later versions add are left aside."""
+    known = {field.name for field in fields(MetricSpec)} - {"name"}
+    return {
+        name: MetricSpec(name, **{key: value for key, value in said.items() if key in known})
+        for name, said in recorded.items()
+    }
+
+
+def by_name(specs: Iterable[MetricSpec]) -> dict[str, MetricSpec]:
+    """Specs by the names of the metrics, in their order."""
+    return {spec.name: spec for spec in specs}
+
+
+def unknown(name: str) -> MetricSpec:
+    """The spec of a column that nobody said anything of: its name, and nothing is best."""
+    return MetricSpec(name, task="", over_pixels=None)
+
+
+def _ours(name: str, better: str, **said: Any) -> MetricSpec:
+    """Where a frame counts pixels it has a value; tables of videos show those that say so."""
+    return MetricSpec(name, better=better, **{"undefined": False, "by_video": False, **said})
+
+
+def _share(name: str, limit: str, **said: Any) -> MetricSpec:
+    """A share of the pixels whose angle is below a limit, in percent."""
+    latex = rf"$\delta_{{{limit}^\circ}}$"
+    words = {"heading": f"< {limit}°", "latex": latex, "short": f"< {limit} deg"}
+    return _ours(name, "higher", task="normals", scale=100.0, unit="%", **words, **said)
+
+
+def _angle(name: str, heading: str, short: str, **said: Any) -> MetricSpec:
+    words = {"heading": heading, "latex": heading, "short": short, "short_decimals": 2}
+    return _ours(name, "lower", task="normals", unit="°", **words, **said)
+
+
+FURTHER: dict[str, Any] = {"further": True, "on_screen": False}
+PARTIAL: dict[str, Any] = {**FURTHER, "undefined": True, "over_pixels": None, "in_validation": False}
+"""Of metrics that need not have a value in every frame, and are no means over all of its pixels."""
+RMSE_LOG = r"RMSE$_{\log}$"
+PAPER_DEPTH = (
+    _ours("abs_rel", "lower", heading="Abs Rel", latex="Abs Rel", short="AbsRel", by_video=True),
+    _ours("sq_rel", "lower", unit="mm", heading="Sq Rel", latex="Sq Rel", short="SqRel mm"),
+    _ours("log10", "lower", latex=r"$\log_{10}$"),
+    _ours(
+        "rmse",
+        "lower",
+        unit="mm",
+        heading="RMSE",
+        latex="RMSE",
+        over_pixels="root",
+        short_decimals=2,
+        by_video=True,
+    ),
+    _ours("rmse_log", "lower", heading="RMSE log", latex=RMSE_LOG, over_pixels="root", short="RMSElog"),
+    _ours("silog", "lower", unit="%", heading="SILog", latex="SILog", short_decimals=2, by_video=True),
+    _ours("delta1", "higher", heading="δ1", latex=r"$\delta_1$", short="d1", by_video=True),
+    _ours("delta2", "higher", heading="δ2", latex=r"$\delta_2$", short="d2"),
+    _ours("delta3", "higher", heading="δ3", latex=r"$\delta_3$", short="d3"),
+)
+PAPER_NORMALS = (
+    _angle("angle_mean", "Mean Ang", "mean deg", by_video=True),
+    _angle("angle_median", "Median Ang", "median deg"),
+    _share("within_11_25", "11.25"),
+    _share("within_22_5", "22.5"),
+    _share("within_30", "30"),
+)
+"""What the Col3D-MTL paper prints, in its order; of normals, and above of depth."""
+DELTA_1_1 = _ours("delta_1_1", "higher", heading="δ < 1.1", latex=r"$\delta_{1.1}$", on_screen=False)
+MAE = _ours("mae", "lower", unit="mm", heading="MAE", latex="MAE", **FURTHER)
+RANGES = {"near": (0.0, 30.0), "mid": (30.0, 70.0), "far": (70.0, float("inf"))}
+"""True depths in mm: at or above the first, below the second."""
+IN_WORDS = {"near": "< 30 mm", "mid": "30 to 70 mm", "far": "≥ 70 mm"}
+IN_LATEX = {"near": r"$<30$", "mid": r"$30..70$", "far": r"$\geq70$"}
+
+
+def _in_range(spec: MetricSpec, part: str) -> MetricSpec:
+    """A metric of the pixels whose true depth is in a range."""
+    return MetricSpec(
+        f"{part}_{spec.name}",
+        better=spec.better,
+        unit=spec.unit,
+        heading=f"{spec.title}, {IN_WORDS[part]}",
+        latex=f"{spec.latex}, {IN_LATEX[part]} mm",
+        by_video=False,
+        **PARTIAL,
+    )
+
+
+OF_RANGES = tuple(spec for spec in (*PAPER_DEPTH, MAE) if spec.name in ("abs_rel", "rmse", "mae", "delta1"))
+DEPTH_RANGES = tuple(_in_range(spec, part) for part in RANGES for spec in OF_RANGES)
+FURTHER_NORMALS = (
+    _angle("angle_rmse", "RMS Ang", "rms deg", over_pixels="root", **FURTHER),
+    _share("within_5", "5", **FURTHER),
+    _share("within_7_5", "7.5", **FURTHER),
+)
+BOUNDARY_F1 = MetricSpec(
+    "boundary_f1", better="higher", heading="Boundary F1", latex="Boundary F1", by_video=False, **PARTIAL
+)
+OURS = by_name((*PAPER_DEPTH, *PAPER_NORMALS, DELTA_1_1, MAE, *DEPTH_RANGES, *FURTHER_NORMALS, BOUNDARY_F1))
+"""The metrics of this package, in the order of their columns."""

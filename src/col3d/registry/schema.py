@@ -1,0 +1,281 @@
+"""Options that are checked: the signature of a class or a function as a pydantic model."""
+
+import collections.abc
+import functools
+import inspect
+import warnings
+from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict, is_dataclass
+from pathlib import Path
+from types import MappingProxyType, NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model, field_validator
+from pydantic.fields import FieldInfo
+from pydantic_core import PydanticCustomError, PydanticUndefined
+
+from col3d.errors import OptionError, nearest_name
+
+LARGEST, LARGEST_WHOLE = 1e30, 1e18
+PLAIN = (bool, int, float, str, NoneType, Path)
+CONTAINERS = (list, tuple, Sequence, dict, Mapping, Literal, Union, UnionType, Annotated)
+
+CHECKERS_NAMES = {**vars(collections.abc), "Iterable": Sequence}
+"""What libraries import for annotations alone; pydantic would read an `Iterable` only when it is used."""
+
+
+def _no_empty_path(value: Any) -> Any:
+    if value == "":
+        raise PydanticCustomError("no_text", "text that is not empty")
+    return value
+
+
+NoneWord = BeforeValidator(lambda value: None if value == "none" else value)
+"""Lets `none` on a command line stand for null."""
+
+
+class Options(BaseModel):
+    """Base of all groups of options: nothing that is not declared, nothing changed once checked."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, protected_namespaces=())
+
+    @field_validator("*")
+    @classmethod
+    def _are_usable(cls, value: Any) -> Any:
+        """Numbers beyond what torch can take as float32 or as int64 would end in its own words.
+
+        An empty path would be the current folder.
+        """
+        for text in value if isinstance(value, list) else [value]:
+            if isinstance(text, str) and (not text.strip() or "\0" in text):
+                raise PydanticCustomError("no_text", "text that is not empty")
+        for number in value if isinstance(value, list) else [value]:
+            most = LARGEST_WHOLE if isinstance(number, int) else LARGEST
+            if isinstance(number, int | float) and abs(number) > most:
+                raise PydanticCustomError("too_large", f"numbers between {-most:g} and {most:g}")
+        return value
+
+
+class SignatureError(TypeError):
+    """A parameter that no option can set; the message names the callable and the parameter."""
+
+
+def parameters(build: Callable[..., Any], supplied: Collection[str] = ()) -> dict[str, tuple[Any, Any]]:
+    """Parameters that can be options: their annotation and default, by name.
+
+    Args:
+        build: a class or a function. Parameters without an annotation take any plain value; those whose
+            default is no plain value (such as a class) are left to Python.
+        supplied: names of parameters that are given by the program.
+
+    Returns:
+        Name to (annotation, default); a parameter without a default has pydantic's `PydanticUndefined`.
+
+    Raises:
+        SignatureError: a parameter has no default and no type that a value of an option can have, or an
+            annotation names what cannot be found.
+
+    >>> def net(image, dropout: float = 0.1, *, norm: type = dict): ...
+    >>> parameters(net, supplied=("image",))
+    {'dropout': (<class 'float'>, 0.1)}
+    """
+    found = {}
+    hints = _hints(build)
+    for name, parameter in inspect.signature(build).parameters.items():
+        rest = parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
+        if rest or name in supplied or name.startswith("_"):
+            continue
+        annotation = _plain_part(hints.get(name, Any))
+        required = parameter.default is parameter.empty
+        if not _is_plain_type(annotation) or not (required or _is_plain(parameter.default)):
+            if required:
+                raise SignatureError(
+                    f"{place_of(build)}: parameter {name!r} needs a default, or a type of plain values "
+                    f"(numbers, text, lists of them); it has {annotation}"
+                )
+            continue
+        if parameter.kind is parameter.POSITIONAL_ONLY:
+            raise SignatureError(
+                f"{place_of(build)}: parameter {name!r} must be one that can be given by name"
+            )
+        found[name] = (annotation, PydanticUndefined if required else parameter.default)
+    return found
+
+
+def options_of(
+    build: Callable[..., Any],
+    base: type[Options] = Options,
+    supplied: Collection[str] = (),
+    rules: Mapping[str, Any] = MappingProxyType({}),
+) -> type[Options]:
+    """A model of the options that a callable takes, on top of those of `base`, whose rules hold for both.
+
+    Args:
+        build: a class or a function.
+        base: options that are there besides.
+        supplied: names of parameters that are given by the program.
+        rules: by name, pydantic's `Field` for parameters that are single numbers, whatever the class says.
+
+    Raises:
+        SignatureError: as `parameters`.
+    """
+    fields: dict[str, Any] = {}
+    for name, (annotation, default) in parameters(build, supplied).items():
+        may_be_none = default is None or NoneType in get_args(_bare(annotation))
+        kind = Annotated[annotation | None, NoneWord] if may_be_none else annotation
+        if Path in (annotation, *get_args(annotation)):
+            kind = Annotated[kind, BeforeValidator(_no_empty_path)]
+        if name in rules and isinstance(default, int | float):
+            kind = Annotated[kind, rules[name]]
+        usual = default
+        if name in base.model_fields:
+            known = base.model_fields[name]
+            kind, usual = Annotated[known.annotation, known], default or known.default
+        fields[name] = (kind, Field(default=usual, validate_default=True))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # a parameter may be called as a method of pydantic's
+        return create_model(home_of(build).__name__, __base__=base, **fields)
+
+
+def check_names(group: str, given: Mapping[str, Any], options: type[BaseModel]) -> None:
+    """Refuse options that a part does not have.
+
+    Args:
+        group: where the options are given, such as "scheduler".
+        given: the options.
+        options: those that there are.
+
+    Raises:
+        OptionError: a line for each, with the nearest name.
+    """
+    known = [f"{group}.{name}" for name in options.model_fields]
+    unknown = [f"{group}.{name}" for name in given if name not in options.model_fields]
+    if unknown:
+        raise OptionError("\n".join(f"{name}: no such option{nearest_name(name, known)}" for name in unknown))
+
+
+def rule(annotation: Any) -> str:
+    """What a value has to be, in words: its type and the bounds of pydantic or annotated-types.
+
+    >>> rule(Annotated[float, Field(ge=0, lt=1)])
+    'float, ge=0, lt=1'
+    """
+    origin, inner = get_origin(annotation), get_args(annotation)
+    if origin in (Union, UnionType):
+        return " or ".join(map(rule, inner))
+    if origin is Literal:
+        return " or ".join(map(repr, inner))
+    if origin is Annotated:
+        bounds = FieldInfo.from_annotation(annotation).metadata
+        said = [asdict(bound) for bound in bounds if is_dataclass(bound) and not isinstance(bound, type)]
+        return ", ".join(
+            [rule(inner[0]), *(f"{key}={value}" for bound in said for key, value in bound.items())]
+        )
+    if annotation is NoneType:
+        return "null"
+    named = isinstance(annotation, type) and not inner
+    return (
+        annotation.__name__
+        if named
+        else str(annotation).replace("typing.", "").replace("collections.abc.", "")
+    )
+
+
+def defaults(found: Mapping[str, tuple[Any, Any]]) -> dict[str, Any]:
+    """Defaults of `parameters` as YAML has them: `???` for what is needed, groups with their own inside.
+
+    >>> defaults({"width": (int, 4), "height": (int, PydanticUndefined)})
+    {'width': 4, 'height': '???'}
+    """
+    return {name: _default(annotation, default) for name, (annotation, default) in found.items()}
+
+
+def _default(annotation: Any, default: Any) -> Any:
+    if is_group(annotation) and default is PydanticUndefined:
+        fields = annotation.model_fields.items()
+        return {name: _default(field.annotation, field.default) for name, field in fields}
+    return "???" if default is PydanticUndefined else plain(default)
+
+
+def is_group(annotation: Any) -> bool:
+    """Whether a parameter is a group of options of its own."""
+    return isinstance(annotation, type) and issubclass(annotation, Options)
+
+
+def plain(value: Any) -> Any:
+    """A default as YAML has it: tuples as lists, paths as text, options as a mapping."""
+    if isinstance(value, BaseModel):
+        value = value.model_dump()
+    if isinstance(value, Mapping):
+        return {str(key): plain(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(inner) for inner in value]
+    return str(value) if isinstance(value, Path) else value
+
+
+def home_of(build: Callable[..., Any]) -> Any:
+    """The class or function that a callable is made of: what has a name, a module and a docstring.
+
+    Raises:
+        SignatureError: it cannot be called.
+
+    >>> home_of(functools.partial(dict, a=1))
+    <class 'dict'>
+    """
+    if isinstance(build, functools.partial):
+        return home_of(build.func)
+    if not callable(build):
+        raise SignatureError(f"expected a class or a function, got {build!r}")
+    return build if inspect.isclass(build) or inspect.isroutine(build) else type(build)
+
+
+def place_of(build: Callable[..., Any]) -> str:
+    """Where a callable comes from, as messages say it."""
+    home = home_of(build)
+    return f"{home.__module__}.{home.__qualname__}"
+
+
+def _hints(build: Callable[..., Any]) -> dict[str, Any]:
+    if isinstance(build, functools.partial):
+        return _hints(build.func)
+    home = home_of(build)
+    target = home if inspect.isroutine(home) else home.__init__ if home is build else home.__call__
+    with suppress(NameError):
+        return get_type_hints(target, include_extras=True)
+    try:  # names that are there for type checkers alone
+        return get_type_hints(target, localns=CHECKERS_NAMES, include_extras=True)
+    except NameError as error:
+        raise SignatureError(f"{place_of(build)}: {error} (in its annotations)") from None
+
+
+def _bare(annotation: Any) -> Any:
+    return get_args(annotation)[0] if get_origin(annotation) is Annotated else annotation
+
+
+def _plain_part(annotation: Any) -> Any:
+    """A type without what no option can be: `float | Tensor` is a float, inside of a tuple, too."""
+    inner, origin = get_args(annotation), get_origin(annotation)
+    if origin in (Union, UnionType):
+        arms = [_plain_part(arm) for arm in inner if _is_plain_type(_plain_part(arm))]
+        return Union[tuple(arms)] if arms else annotation  # noqa: UP007 - of arms that vary
+    if origin is tuple:
+        return tuple.__class_getitem__(tuple(arm if arm is Ellipsis else _plain_part(arm) for arm in inner))
+    return annotation
+
+
+def _is_plain_type(annotation: Any) -> bool:
+    annotation = _bare(annotation)
+    origin = get_origin(annotation)
+    if annotation is Any or annotation in (*PLAIN, *CONTAINERS) or origin is Literal or is_group(annotation):
+        return True
+    inner = [kind for kind in get_args(annotation) if kind is not Ellipsis]
+    return origin in CONTAINERS and all(map(_is_plain_type, inner))
+
+
+def _is_plain(value: Any) -> bool:
+    if isinstance(value, Mapping):
+        return all(isinstance(key, str) and _is_plain(inner) for key, inner in value.items())
+    if isinstance(value, list | tuple):
+        return all(map(_is_plain, value))
+    return isinstance(value, PLAIN)

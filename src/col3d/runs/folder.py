@@ -1,0 +1,285 @@
+"""The folder of a run: what lies there already, and what may be replaced."""
+
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from col3d.errors import UserError
+from col3d.io.atomic import write_whole
+from col3d.io.ownership import Owned
+from col3d.io.predictions import INDEX, owned_predictions
+from col3d.registry.schema import Options
+from col3d.reports.jobs import RESULT, STATUS, TRAINING, read_plain
+from col3d.reports.run_page import PAGE
+from col3d.reports.summary import write_json
+from col3d.runs.checkpoint_callbacks import BestCheckpoint
+from col3d.runs.checkpoints import DamagedError, read_checkpoint, run_of
+from col3d.runs.identity import differing, hash_of
+from col3d.runs.loggers import ID, MLFLOW_ID
+from col3d.runs.metrics_file import ROWS
+from col3d.runs.overwriting import is_replaced
+from col3d.runs.starts import STARTS, Start, Starts
+
+CONFIG = "config.yaml"
+CHECKPOINTS = "checkpoints"
+PREDICTIONS = "predictions_test"
+EPOCHS = "trainer.max_epochs"
+KIND, OPTION = TRAINING, "hydra.run.dir"
+BEST, LAST = f"{CHECKPOINTS}/best.ckpt", f"{CHECKPOINTS}/last.ckpt"
+FILES = (
+    *(RESULT, STATUS, CONFIG, STARTS, "summary.json", "per_frame.csv", "metrics.csv", "bad_batch.pt"),
+    *(ID, MLFLOW_ID, PAGE, BEST, LAST),
+)
+DECORATIONS = ("cost", "panels", PAGE)
+"""What is made after the result, and can be made again."""
+
+
+@dataclass(frozen=True)
+class RunRequest:
+    """The run that is asked for, as far as its folder has to know it.
+
+    Attributes:
+        path: of the folder.
+        options: all of them; what is written into config.yaml.
+        completed: options of an earlier run -> the same with the defaults of those that came since.
+        overwrite: whether another run may be replaced.
+        epochs: of the whole training.
+        can_be_longer: whether a finished run may be given more epochs.
+        schedule: of the learning rate, which goes on over more epochs; empty where it is constant.
+        weight_files: by option, files that the training begins from.
+        panels: how many pictures are asked for.
+        predictions: whether those of the test split are kept.
+    """
+
+    path: Path
+    options: Options
+    completed: Callable[[dict[str, Any]], dict[str, Any]]
+    overwrite: bool
+    epochs: int
+    can_be_longer: bool
+    schedule: str
+    weight_files: Mapping[str, str]
+    panels: int
+    predictions: bool
+
+    def plain(self) -> dict[str, Any]:
+        """The options as JSON and YAML hold them."""
+        return self.asked.plain()
+
+
+class RunFolder:
+    """A folder that holds nothing of a run, the finished run of these options, or one that was cut off.
+
+    Args:
+        asked: the run that is asked for.
+
+    Attributes:
+        finished: what result.json says of the finished run of these options.
+        cut_off: the checkpoint to go on from.
+        rows: of metrics.csv, of the epochs that it has behind it.
+        starts: of the run.
+        longer: what is said of a run that is asked for more epochs than it had.
+
+    Raises:
+        UserError: the folder holds something else: the run of other options, while overwrite is not set, or
+            files that this program did not write.
+    """
+
+    def __init__(self, asked: RunRequest) -> None:
+        self.asked, self.path = asked, asked.path
+        self.finished: dict[str, Any] = {}
+        self.cut_off: Path | None = None
+        self.rows: list[dict[str, Any]] = []
+        self.longer = ""
+        self.starts = Starts(self.path)
+        self.owned = Owned(self.path, KIND, OPTION)
+        if not self.starts.replacing:
+            self._look()
+        if not self.finished and self.cut_off is None:
+            self._check_place()
+        if asked.predictions:
+            owned_predictions(self.path / PREDICTIONS).check_place()
+
+    def begin(self, start: Start) -> None:
+        """Clear away what is to be replaced and write config.yaml; a run that was cut off keeps its files."""
+        self.owned.adopt(*FILES)
+        if self.cut_off is None:
+            self.starts.begin_anew()
+            self.owned.remove(keep={STARTS})
+            owned_predictions(self.path / PREDICTIONS).remove()
+            self.owned.adopt(*FILES)
+        else:
+            print(f"goes on from {self.cut_off}{self.longer}", flush=True)
+            say_changes(self.starts.changes(start), "the last start")
+        content = yaml.safe_dump(self.asked.plain(), sort_keys=False)
+        write_whole(self.path / CONFIG, content)
+        self.starts.add(start)
+
+    def finish(self, best: dict[str, float], metrics: dict[str, float], seconds: float) -> None:
+        """Write result.json, by which the run is known to be finished."""
+        self.finished = {
+            "hash": hash_of(self.asked.options),
+            "run": self.starts.run,
+            "epochs": self.asked.epochs,
+            "best": best,
+            "metrics": metrics,
+            "seconds": seconds,
+        }
+        self.decorated(DECORATIONS)
+
+    def decorated(self, undone: tuple[str, ...] | list[str]) -> None:
+        """Note which decorations are still to be made."""
+        panels = self.asked.panels
+        self.finished |= {"panels": panels, "undone": list(undone)}
+        write_json(self.path / RESULT, self.finished)
+
+    @property
+    def undone(self) -> list[str]:
+        """Decorations that the finished run lacks, and that are asked for now."""
+        lacking = {str(name) for name in self.finished.get("undone") or ()}
+        if self.finished.get("panels", self.asked.panels) < self.asked.panels:
+            lacking |= {"panels", PAGE}
+        found = [name for name in DECORATIONS if name in lacking]
+        if self.asked.predictions and not (self.path / PREDICTIONS / INDEX).is_file():
+            found.append(PREDICTIONS)
+        return found
+
+    def check_best(self, content: dict[str, Any]) -> None:
+        """Refuse a best checkpoint that another run left in this one's folder.
+
+        Raises:
+            UserError: names the file.
+        """
+        found = run_of(content)
+        changed = [option for option in self._changes(content) if option != EPOCHS]
+        if found != self.starts.run if found is not None else changed:
+            why = f"with another {', '.join(changed)}" if changed else "of the same options"
+            raise UserError(
+                f"{self.path / BEST} is of another run, {why}; put this run's own back, or move it away: "
+                "training then starts anew"
+            )
+
+    def _look(self) -> None:
+        result = read_plain(self.path / RESULT)
+        stays = not self.asked.overwrite or is_replaced(self.path)
+        if _is_result(result) and self._is_of_these_options(result) and stays:
+            self.finished = result
+            return
+        whole = bool(result) and (self.asked.overwrite or not _is_result(result))
+        checkpoint, content = (None, {}) if whole else self._last_checkpoint()
+        before = self._before(content)
+        changed = differing(before, self.asked.plain()) if result or checkpoint else []
+        if changed == [EPOCHS] and checkpoint is not None and not self.asked.overwrite:
+            changed = self._lengthened(before)
+        if self.asked.overwrite:
+            if _is_result(result) or "about" in content:
+                self.owned.adopt(*(name for name in FILES if (self.path / name).exists()))
+            if checkpoint is None or changed or before.get("overwrite") is not True:
+                return  # what was begun by overwrite=true is replaced once, and goes on from then on
+        elif changed:
+            raise UserError(
+                f"{self.path} holds a run with another {', '.join(changed)}; "
+                "give overwrite=true to replace it, or another hydra.run.dir"
+            )
+        if checkpoint is not None:
+            self.cut_off, self.rows = checkpoint, content[ROWS]
+            self.starts.run = run_of(content) or self.starts.run
+
+    def _is_of_these_options(self, result: dict[str, Any]) -> bool:
+        """Whether a finished run is the one that is asked for, though options may have come since."""
+        if result["hash"] == hash_of(self.asked.options):
+            return True
+        epochs = self.asked.epochs
+        return not self._changes({}) and result.get("epochs", epochs) == epochs
+
+    def _lengthened(self, before: dict[str, Any]) -> list[str]:
+        """What still differs where a run of fewer epochs is to have more; notes that it goes on."""
+        had, epochs = before["trainer"]["max_epochs"], self.asked.epochs
+        if not isinstance(had, int) or epochs < had or not self.asked.can_be_longer:
+            return [EPOCHS]
+        self.longer = f", for {epochs} epochs instead of {had}"
+        if self.asked.schedule:
+            self.longer += f"; the learning rate goes on where its schedule over {epochs} epochs would be"
+        if _is_result(result := read_plain(self.path / RESULT)) and "epochs" not in result:
+            write_json(self.path / RESULT, {**result, "epochs": had})
+        return []
+
+    def _check_place(self) -> None:
+        """Refuse what would be replaced and is not this program's, or is what the run begins from."""
+        self._check_sources()
+        self.owned.check(FILES)
+        if (self.path / CHECKPOINTS).exists() and not self.owned.names:
+            raise UserError(f"{self.path} holds {CHECKPOINTS} of something else; give another hydra.run.dir")
+
+    def _check_sources(self) -> None:
+        """Refuse to begin from weights that beginning clears away.
+
+        Raises:
+            UserError: names the option and the file.
+        """
+        mine = {(self.path / name).resolve() for name in FILES}
+        for option, name in self.asked.weight_files.items():
+            if Path(name).resolve() in mine:
+                raise UserError(
+                    f"{option}: {name} is a file of this very run, {self.path}, which begins anew and would "
+                    "replace it; give another hydra.run.dir, or copy the file to another place"
+                )
+
+    def _last_checkpoint(self) -> tuple[Path | None, dict[str, Any]]:
+        """The newest checkpoint that is whole, if the best that it speaks of is, too."""
+        for name in (LAST, BEST):
+            path = self.path / name
+            if not path.is_file():
+                continue
+            try:
+                content = read_checkpoint(path)
+            except DamagedError as error:
+                print(f"note: damaged, and left aside: {error}", flush=True)
+                continue
+            if name == BEST or self._has_best(content):
+                return path, content
+            print("note: the best epoch's weights are lost; training starts anew to find them", flush=True)
+            break
+        return None, {}
+
+    def _has_best(self, content: dict[str, Any]) -> bool:
+        """Whether the best checkpoint is there, where there has been one."""
+        known = [v for k, v in content["callbacks"].items() if k.startswith(BestCheckpoint.__name__)]
+        if not known or known[0]["best_model_score"] is None:
+            return True
+        try:
+            best = read_checkpoint(self.path / BEST)
+        except (OSError, DamagedError):
+            return False
+        self.starts.run = run_of(content) or self.starts.run
+        if not self.asked.overwrite:
+            self.check_best(best)
+        return run_of(best) in (None, self.starts.run)
+
+    def _changes(self, content: dict[str, Any]) -> list[str]:
+        """Options that differ from those of the run in this folder, and matter."""
+        return differing(self._before(content), self.asked.plain())
+
+    def _before(self, content: dict[str, Any]) -> dict[str, Any]:
+        """Options of the run in this folder, by one of its checkpoints, or else by config.yaml."""
+        given = content.get("hyper_parameters")
+        before = given.get("options") if isinstance(given, dict) else None
+        if before is None:  # config.yaml may be damaged, a checkpoint has been checked
+            with suppress(OSError, ValueError, yaml.YAMLError):
+                before = yaml.safe_load((self.path / CONFIG).read_text(encoding="utf-8"))
+        return self.asked.completed(before) if isinstance(before, dict) else {}
+
+
+def say_changes(lines: list[str], since: str) -> None:
+    """What is not as it was."""
+    for line in lines:
+        print(f"note: since {since}: {line}", flush=True)
+
+
+def _is_result(content: dict[str, Any]) -> bool:
+    """Whether it is what a run ends in, whole."""
+    return isinstance(content.get("hash"), str) and isinstance(content.get("best"), dict)

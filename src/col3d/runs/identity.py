@@ -1,0 +1,52 @@
+"""Which options make a run what it is."""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from col3d.registry.schema import Options
+
+UNRELATED = {"overwrite", "output_dir", "logger", "objective", "plugins"}
+"""Groups and options that change nothing in the weights and numbers of a run."""
+UNRELATED_INSIDE = {
+    ("data", "workers"),
+    ("data", "store"),
+    ("trainer", "profiler"),
+    ("trainer", "log_every_n_steps"),
+    ("callbacks", "panels"),
+    ("callbacks", "predictions"),
+    ("callbacks", "checkpoint_minutes"),
+}
+
+
+def hash_of(options: Options) -> str:
+    """Of all options that the weights and numbers of a run depend on."""
+    content = _without_nulls(options.model_dump(mode="json", exclude=UNRELATED))
+    for group, name in UNRELATED_INSIDE:
+        content[group].pop(name, None)
+    content = _without_nulls(content)
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def differing(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    """Names of the options that differ, and matter; what is null is as good as absent."""
+    before, now = _without_nulls(before), _without_nulls(now)
+    names = []
+    for name in sorted((before.keys() | now.keys()) - UNRELATED):
+        old, new = before.get(name), now.get(name)
+        if isinstance(old or new, dict) and isinstance(new or old, dict):
+            old, new = old or {}, new or {}
+            inner = (k for k in sorted(old.keys() | new.keys()) if old.get(k) != new.get(k))
+            names += [f"{name}.{k}" for k in inner if (name, k) not in UNRELATED_INSIDE]
+        elif old != new:
+            names.append(name)
+    return names
+
+
+def _without_nulls(node: Any) -> Any:
+    """Options without those that say nothing, so that one that is new is no change to runs of before."""
+    if not isinstance(node, Mapping):
+        return node
+    inside = {name: _without_nulls(value) for name, value in node.items()}
+    return {name: value for name, value in inside.items() if value is not None and value != {}}

@@ -1,0 +1,84 @@
+"""What goes wrong in long computations without being a fault of the program, as one line each."""
+
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import torch
+
+from col3d.errors import DivergedError, UserError, and_beneath
+
+TOO_LARGE = "cannot be converted to type float without overflow"
+OUT_OF_MEMORY = ("can't allocate memory", "not enough memory", "CUDA out of memory", "Unable to allocate")
+"""What torch and NumPy say of it, where their errors have no type of their own."""
+PEER_GONE = (
+    "Connection closed by peer",
+    "Connection reset by peer",
+    "Broken pipe",
+    "Socket Timeout",
+    "remote process exited",
+    "Timed out waiting",
+    "NCCL error",
+    "recvValue failed",
+    "sendBytes failed",
+)
+"""What gloo and NCCL say when another process of a training is gone."""
+
+
+@contextmanager
+def as_user_errors(smaller: str) -> Iterator[None]:
+    """Turn what is foreseen into a line; all else keeps its traceback.
+
+    Args:
+        smaller: what to change where memory is out.
+
+    Raises:
+        UserError: names the option, and what to do.
+    """
+    try:
+        yield
+    except DivergedError as error:
+        raise UserError(str(error)) from None
+    except Exception as error:
+        for hidden in and_beneath(error):  # torch says so in any line that runs, a library's own try included
+            if line := _line(hidden, smaller):
+                raise UserError(line) from None
+        raise
+
+
+def _line(error: BaseException, smaller: str) -> str:
+    last = str(error).strip().splitlines()[-1].strip(" .") if str(error).strip() else ""
+    if isinstance(error, RuntimeError) and "DataLoader worker" in str(error):
+        return f"data.workers: {last}; the same command goes on"
+    if _while_a_worker_spoke(error):
+        return f"data.workers: a process that loads frames is gone ({last}); the same command goes on"
+    if is_out_of_memory(error):
+        return f"memory is out ({_size(error)}); {smaller}"
+    if isinstance(error, RuntimeError) and TOO_LARGE in str(error):
+        return "optimizer.lr, optimizer.weight_decay: a step of them is beyond what float32 holds; lower them"
+    lost = isinstance(error, torch.distributed.DistError) or (
+        isinstance(error, RuntimeError) and any(sign in str(error) for sign in PEER_GONE)
+    )
+    if lost and torch.distributed.is_initialized():
+        return "trainer.devices: another process of this training is gone; the same command goes on"
+    return ""
+
+
+def _while_a_worker_spoke(error: BaseException) -> bool:
+    """Whether a process that loads frames ended in the middle of what it was handing over."""
+    modules = [str(frame.f_globals.get("__name__")) for frame, _ in traceback.walk_tb(error.__traceback__)]
+    in_transfer = bool(modules) and modules[-1].startswith("multiprocessing.")
+    return in_transfer and any(module.startswith("torch.utils.data.") for module in modules)
+
+
+def is_out_of_memory(error: BaseException) -> bool:
+    """Whether that is what an error says, of a GPU or of the machine."""
+    named = isinstance(error, MemoryError | torch.OutOfMemoryError)
+    return named or (isinstance(error, RuntimeError) and any(sign in str(error) for sign in OUT_OF_MEMORY))
+
+
+def _size(error: BaseException) -> str:
+    """The sentence of a message that says how much was wanted."""
+    sentences = " ".join(str(error).split()).split(". ")
+    found = [sentence for sentence in sentences if "llocate" in sentence]
+    return (found or [type(error).__name__])[0][:160]

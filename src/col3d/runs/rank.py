@@ -1,0 +1,43 @@
+"""Which of the processes of one training this is."""
+
+import os
+import threading
+import time
+
+import torch
+from lightning.pytorch.utilities.rank_zero import rank_zero_only
+
+FIRST = "COL3D_FIRST_PROCESS"
+POLL_SECONDS = 1.0
+
+
+def is_first() -> bool:
+    """Whether this process is the one that writes; the environment tells it before there is a Trainer."""
+    return getattr(rank_zero_only, "rank", 0) == 0
+
+
+def rank_and_world() -> tuple[int, int]:
+    """Of the processes of one training: which this is, and how many there are."""
+    if not torch.distributed.is_initialized():
+        return 0, 1
+    return torch.distributed.get_rank(), torch.distributed.get_world_size()
+
+
+def wait_for_all() -> None:
+    """Let all processes of a training come to this line."""
+    if torch.distributed.is_initialized():
+        torch.distributed.barrier()
+
+
+def exit_with_rank_zero() -> None:
+    """Let a process that Lightning's first one starts not outlive it, waiting for it in vain."""
+    if is_first():
+        os.environ[FIRST] = str(os.getpid())
+    elif FIRST in os.environ:
+        threading.Thread(target=_watch, args=(int(os.environ[FIRST]),), daemon=True).start()
+
+
+def _watch(first: int) -> None:
+    while os.getppid() == first:
+        time.sleep(POLL_SECONDS)
+    os._exit(1)

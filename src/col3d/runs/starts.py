@@ -1,0 +1,118 @@
+"""starts.json: every start of a run, with the code, the packages and the data that it found."""
+
+import secrets
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from col3d.data.options import DataOptions
+from col3d.data.state import data_state
+from col3d.phantom.options import PhantomOptions
+from col3d.registry.plugins import code as plugin_code
+from col3d.registry.plugins import versions as plugin_versions
+from col3d.reports.jobs import read_plain
+from col3d.reports.summary import write_json
+from col3d.runs.provenance import code_sum, command, commit, plugins, versions
+
+STARTS = "starts.json"
+Start = dict[str, Any]
+
+
+def this_start(data: DataOptions, phantom: PhantomOptions, weight_files: Mapping[str, str]) -> Start:
+    """What a start finds now.
+
+    Args:
+        data: that it trains and tests on.
+        phantom: what of them is rendered.
+        weight_files: by option, files that it begins from.
+    """
+    given = {option: Path(name) for option, name in weight_files.items() if Path(name).is_file()}
+    return {
+        "time": datetime.now(UTC).isoformat(timespec="seconds"),
+        "command": command(),
+        "commit": commit(),
+        "code": code_sum(),
+        "packages": {**versions(), **plugins(), **plugin_versions()},
+        "plugins": plugin_code(),
+        "data": data_state(data, phantom)
+        | {
+            f"{option} {path}": f"{path.stat().st_size} bytes, {path.stat().st_mtime_ns}"
+            for option, path in given.items()
+        },
+    }
+
+
+class Starts:
+    """The starts of one run.
+
+    Args:
+        folder: of the run.
+
+    Attributes:
+        run: by which this run is told from others that lay or lie in the folder.
+        replacing: whether an earlier run was being cleared away when the last start was cut off.
+        known: those before, the oldest first.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        content = read_plain(folder / STARTS)
+        self.path = folder / STARTS
+        self.run = str(content.get("run") or "")
+        self.replacing = content.get("replacing") is True
+        starts = content.get("starts")
+        self.known: list[Start] = (
+            [start for start in starts if isinstance(start, dict)] if isinstance(starts, list) else []
+        )
+
+    def begin_anew(self) -> None:
+        """Take another name, and say that what lies there is being cleared away."""
+        self.run, self.known, self.replacing = secrets.token_hex(8), [], True
+        self._write()
+
+    def add(self, start: Start) -> None:
+        """Note a start."""
+        self.run = self.run or secrets.token_hex(8)
+        self.known, self.replacing = [*self.known, start], False
+        self._write()
+
+    def changes(self, now: Start | None = None) -> list[str]:
+        """What differs from one start to the next; with `now`, from the last of them to it."""
+        starts = self.known if now is None else [*self.known[-1:], now]
+        lines = (line for before, after in pairwise(starts) for line in _changes(before, after))
+        return list(dict.fromkeys(lines))
+
+    def _write(self) -> None:
+        write_json(self.path, {"run": self.run, "replacing": self.replacing, "starts": self.known})
+
+
+def _changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[str]:
+    lines = []
+    if before.get("commit") != after["commit"]:
+        lines.append(f"commit {before.get('commit')} became {after['commit']}")
+    elif before.get("code") != after["code"]:
+        lines.append("files of the code changed")
+    known = before.get("plugins")
+    for name, code in after["plugins"].items():
+        if isinstance(known, dict) and known.get(name, code) != code:
+            lines.append(f"files of the plugin {name} changed")
+    for group in ("packages", "data"):
+        old, new = before.get(group), after[group]
+        old = old if isinstance(old, dict) else {}
+        for name in sorted(old.keys() | new.keys()):
+            if old.get(name) != new.get(name):
+                lines.append(_line(group, name, old.get(name), new.get(name)))
+    return lines
+
+
+def _line(group: str, name: str, old: str | None, new: str | None) -> str:
+    if old is None or new is None:
+        return f"{name} {'came' if old is None else 'is gone'}"
+    return f"{name} {old} became {new}" if group == "packages" else f"{name} changed ({_sizes(old, new)})"
+
+
+def _sizes(old: str, new: str) -> str:
+    """What of the numbers says how; the sums mean nothing to a reader."""
+    sizes = [text.rpartition(", ")[0] for text in (old, new)]
+    return f"{sizes[0]}, now {sizes[1]}" if sizes[0] != sizes[1] else f"{sizes[0]}, of another time"

@@ -1,0 +1,70 @@
+"""The best epoch of a training, scored on the test split as `col3d evaluate` would score its checkpoint."""
+
+import torch
+
+from col3d.data.datamodule import FrameDataModule
+from col3d.errors import UserError
+from col3d.evaluation.options import build_protocol
+from col3d.evaluation.results import Results
+from col3d.evaluation.scorer import Scoring, score_network
+from col3d.evaluation.truth import one_by_one, own_truth
+from col3d.inference.trained_network import TrainedNetwork, trained_network
+from col3d.io.predictions import PredictionWriter
+from col3d.runs.checkpoints import DamagedError, read_checkpoint
+from col3d.runs.folder import BEST, PREDICTIONS, RunFolder
+from col3d.runs.rank import rank_and_world
+from col3d.runs.trained import mean_depth
+from col3d.training.options import TrainOptions
+
+
+def best_network(folder: RunFolder) -> TrainedNetwork:
+    """The network of the best epoch of this run.
+
+    Raises:
+        UserError: its weights are damaged, or of another run.
+    """
+    path = folder.path / BEST
+    try:
+        folder.check_best(read_checkpoint(path))
+    except DamagedError as error:
+        raise UserError(
+            f"the best epoch's weights are damaged, and the same command finds them anew: {error}"
+        ) from None
+    return trained_network(path)
+
+
+def score_best(
+    options: TrainOptions,
+    folder: RunFolder,
+    best: TrainedNetwork,
+    data: FrameDataModule,
+    results: Results,
+    device: torch.device,
+    predictions: bool,
+) -> None:
+    """Score the test split under the training's protocol, in float32 whatever the training computed in.
+
+    Args:
+        options: of the training.
+        folder: where predictions go.
+        best: the network.
+        data: with the part `test`.
+        results: that collect the rows.
+        device: to compute on.
+        predictions: whether they are kept.
+    """
+    name, protocol = options.one_protocol
+    truth = own_truth(protocol, options.data.tested, options.phantom, "test", options.data.size)
+    results.panels.choose(data.lengths()["test"], *rank_and_world())
+    scoring = Scoring(
+        build_protocol(name, protocol, options.metrics),
+        results,
+        protocol.mirror,
+        one_by_one(truth, options.data.workers, device),
+    )
+    writers = {}
+    if predictions:
+        facts = {"max_depth": options.model.max_depth, "split": "test"}
+        writers[protocol.mirror] = PredictionWriter(folder.path / PREDICTIONS, facts)
+    mean, limit = mean_depth(best.depth_seen), options.trainer.limit_test_batches
+    score_network(best.network, data, device, [scoring], mean, writers, limit)

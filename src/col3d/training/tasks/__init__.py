@@ -1,0 +1,6 @@
+"""LightningModules, one for each way of optimising."""
+
+from col3d.training.tasks.adversarial import AdversarialTask
+from col3d.training.tasks.supervised import SupervisedTask
+
+__all__ = ["AdversarialTask", "SupervisedTask"]

@@ -1,0 +1,237 @@
+"""Train a network, evaluate its best checkpoint on the test split, and write everything into one folder."""
+
+import math
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import torch
+from lightning import Callback, seed_everything
+from lightning.pytorch.callbacks import RichProgressBar
+from lightning.pytorch.loggers import Logger
+
+from col3d.data.build import data_module, resolve_source_paths
+from col3d.data.checks.truth import check_truth
+from col3d.data.datamodule import FrameDataModule
+from col3d.errors import UserError
+from col3d.evaluation.results import Results, facts_of
+from col3d.evaluation.scored_part import Scored
+from col3d.inference.compiled import compile_network
+from col3d.io.atomic import write_whole
+from col3d.losses import WeightedLoss
+from col3d.metrics.measure import try_metrics
+from col3d.registry.refusals import check_options
+from col3d.runs.checkpoint_callbacks import About, BestCheckpoint, LastCheckpoint
+from col3d.runs.environment import check_accelerator, quiet
+from col3d.runs.folder import CHECKPOINTS, KIND, RunFolder
+from col3d.runs.known_failures import as_user_errors
+from col3d.runs.logger_options import check_installed
+from col3d.runs.metrics_file import MetricsFile, RowsInCheckpoints
+from col3d.runs.provenance import provenance
+from col3d.runs.rank import exit_with_rank_zero, is_first
+from col3d.runs.starts import this_start
+from col3d.runs.status import JobStatus, locked, reported
+from col3d.runs.tracking import loggers_of
+from col3d.signals import Stopped, StopSignals
+from col3d.training.best_weights import best_network, score_best
+from col3d.training.build import build_task
+from col3d.training.callback_options import callbacks_of
+from col3d.training.callbacks.epoch_lines import EpochLines
+from col3d.training.callbacks.finite_numbers import FiniteNumbers
+from col3d.training.callbacks.named import StoppedEarly
+from col3d.training.callbacks.same_batches import SameBatches
+from col3d.training.callbacks.unfreeze import Unfreeze
+from col3d.training.decorate import decorate, show_again
+from col3d.training.initial_weights import begin_from
+from col3d.training.options import TrainOptions
+from col3d.training.run_request import run_request, weight_files
+from col3d.training.tasks import SupervisedTask
+from col3d.training.trainer import make_trainer
+from col3d.training.trial import trial
+
+WATCHED = "val/abs_rel"
+
+
+def train(given: Mapping[str, Any]) -> float | tuple[float, ...]:
+    """Run the whole job that the options describe.
+
+    A folder that holds the finished run of the same options is left as it is, and its table shown again; one
+    that was cut off goes on from its last checkpoint. Signals that ask it to stop make it save and leave.
+
+    Args:
+        given: the composed configuration as plain values; see `TrainOptions`.
+
+    Returns:
+        What `objective` names, of the best epoch: lower is better.
+
+    Raises:
+        UserError: an option or the data breaks a rule, in one line for each.
+        RunLockedError: another process trains in that folder.
+        Stopped: it was asked to stop; its exit code says how.
+    """
+    quiet()
+    options = check_options(TrainOptions, given)
+    check_accelerator(options.trainer.accelerator)
+    check_installed(options.logger)
+    if options.trainer.fast_dev_run:
+        with trial(options) as options_of_trial:
+            return _at_work(options_of_trial)
+    return _at_work(options)
+
+
+def _at_work(options: TrainOptions) -> float | tuple[float, ...]:
+    """What comes of the options in their folder."""
+    data = resolve_source_paths(options.data, options.phantom)
+    options = options.model_copy(update={"data": data})
+    path = Path(options.output_dir)
+    exit_with_rank_zero()
+    with StopSignals() as stop:
+        try:
+            with locked(path):
+                return _trained(options, RunFolder(run_request(options)), stop)
+        except Stopped as stopped:
+            if is_first():
+                print(f"stopped; the same command goes on: {path}", flush=True)
+                stop.hand_on(stopped.signum)
+            raise SystemExit(stopped.code if is_first() else 0) from None
+        finally:
+            if torch.distributed.is_initialized():  # the next job of a sweep has other processes beside it
+                torch.distributed.destroy_process_group()
+
+
+def _trained(options: TrainOptions, folder: RunFolder, stop: StopSignals) -> float | tuple[float, ...]:
+    """What comes of a run, now or before."""
+    if not folder.finished:
+        with reported(JobStatus(folder.path)) as status:
+            _run(options, folder, stop, status)
+    elif is_first():
+        show_again(options, folder)
+    if not is_first():
+        return math.nan
+    best = folder.finished["best"]
+    score = tuple(math.nan if best.get(name) is None else float(best[name]) for name in options.objective)
+    return score[0] if len(score) == 1 else score
+
+
+def _run(options: TrainOptions, folder: RunFolder, stop: StopSignals, status: JobStatus) -> None:
+    seed_everything(options.seed, workers=True, verbose=False)
+    frames = data_module(options.data, options.phantom, options.seed)
+    task = build_task(options)
+    try_metrics(tuple(task.val_metrics), (options.data.size[0], options.data.size[1]), options.metrics)
+    say = print if is_first() else lambda line: None
+    assert isinstance(task.loss, WeightedLoss)
+    say(f"minimises {task.loss.formula}")
+    if folder.cut_off is None:
+        begin_from(task.network, options.init, say)
+    if options.trainer.compile:
+        compile_network(task.network)
+    learns_normals = bool(options.loss.learning_from("normals"))
+    check_truth(frames.frames, options.data, options.one_protocol[1].truth_range, learns_normals, say)
+    scored = Scored.after(options.data, "test")
+    if is_first():
+        scored.print_audit()
+        folder.begin(this_start(options.data, options.phantom, weight_files(options)))
+    status.write("running")
+    goes_on = folder.cut_off is not None
+    config = options.model_dump(mode="json")
+    with loggers_of(options.logger, config, folder.path, folder.starts.run, goes_on) as loggers:
+        table = MetricsFile(folder.path / "metrics.csv", folder.rows)
+        loggers.append(table)
+        _fit_and_test(options, folder, frames, task, scored, loggers, RowsInCheckpoints(table), stop, status)
+
+
+def _fit_and_test(
+    options: TrainOptions,
+    folder: RunFolder,
+    data: FrameDataModule,
+    task: SupervisedTask,
+    scored: Scored,
+    loggers: list[Logger],
+    rows: Callback,
+    stop: StopSignals,
+    status: JobStatus,
+) -> None:
+    place = folder.path / CHECKPOINTS
+    best = BestCheckpoint(place / "best.ckpt", WATCHED)
+    last = LastCheckpoint(place / "last.ckpt", options.callbacks.checkpoint_minutes, stop)
+    name, protocol = options.one_protocol
+    facts = facts_of(options.model.name, options.seed, scored, name)
+    results = Results(
+        facts,
+        folder.path,
+        KIND,
+        scored,
+        data.lengths(),
+        options.callbacks.panels,
+        protocol.average,
+        folder.starts.changes(),
+    )
+    watchers = _watchers(folder.path, options.trainer.max_epochs, status)
+    split = options.data.split.model_dump()
+    about = About({"run": folder.starts.run, **provenance(), **data.about(), "split": split})
+    trainer = make_trainer(
+        options.trainer,
+        [
+            *joining(options, task),
+            about,
+            rows,
+            best,
+            last,
+            *watchers,
+        ],
+        loggers,
+        adversarial=options.task.name == "adversarial",
+        folder=folder.path,
+    )
+    with as_user_errors(_smaller(options)):
+        trainer.fit(task, datamodule=data, ckpt_path=folder.cut_off, weights_only=True)
+    if best.best_model_score is None:
+        raise UserError(f"{WATCHED} was never finite: nothing to evaluate; lower optimizer.lr")
+    if is_first() and not last.path.is_file():  # the best one was all that was left, and is of the last epoch
+        write_whole(last.path, best.path.read_bytes())
+    found = best_network(folder)
+    with as_user_errors(_smaller(options)):
+        keep = options.callbacks.predictions
+        score_best(options, folder, found, data, results, trainer.strategy.root_device, keep)
+    summary = {}
+    if is_first():
+        if options.trainer.limit_test_batches is not None:
+            print("note: tested on some batches of the test split alone", flush=True)
+        scores = {**best.metrics, "epoch": int(found.content["epoch"])}
+        results.table.save()
+        tables = [logger for logger in loggers if isinstance(logger, MetricsFile)]
+        summary = results.write(found.network, best.path, scores, tables)
+        folder.finish(scores, summary["metrics"], status.seconds)
+    others = [logger for logger in loggers if not isinstance(logger, MetricsFile)]
+    shown = decorate(folder, results, summary, found, others)
+    if is_first():
+        results.show(shown, best.path)
+
+
+def joining(options: TrainOptions, task: SupervisedTask) -> list[Callback]:
+    """The callbacks that options name or ask for; they come before those that save."""
+    named: list[Callback] = callbacks_of(options.callbacks.more)
+    asked: list[Callback] = [] if options.trainer.overfit_batches is None else [SameBatches()]
+    if options.model.unfreeze_at is not None:
+        asked.append(Unfreeze(task.network.get_submodule("encoder"), options.model.unfreeze_at))
+    return [*asked, *named, *([StoppedEarly()] if named else [])]
+
+
+def _smaller(options: TrainOptions) -> str:
+    """What to change where memory is out: the same steps from half as much at a time."""
+    size, accumulate = options.data.batch_size, options.trainer.accumulate
+    if size > 1:
+        halved = f"data.batch_size={size // 2} trainer.accumulate={accumulate * 2}"
+        return f"data.batch_size={size} is too much; {halved} takes half of it a step and is trained alike"
+    height, width = options.data.size
+    return f"data.size=[{height // 2},{width // 2}] takes a quarter; so does a smaller model.encoder"
+
+
+def _watchers(folder: Path, epochs: int, status: JobStatus) -> list[Callback]:
+    bar: list[Callback] = [RichProgressBar()] if sys.stdout.isatty() else []
+
+    def epoch_done(epoch: int) -> None:
+        status.write("running", epoch=epoch, epochs=epochs)
+
+    return [FiniteNumbers(folder), EpochLines(epoch_done), *bar]

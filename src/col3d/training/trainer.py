@@ -1,0 +1,92 @@
+"""Lightning's Trainer as this program sets it up."""
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import torch
+from lightning import Callback, Trainer
+from lightning.fabric.plugins.environments import SLURMEnvironment
+from lightning.pytorch.callbacks import Checkpoint, ModelSummary
+from lightning.pytorch.loggers import Logger
+from lightning.pytorch.profilers import AdvancedProfiler, PyTorchProfiler, SimpleProfiler
+
+from col3d.runs.checkpoints import CheckpointFiles
+from col3d.training.callbacks.unfreeze import Unfreeze
+from col3d.training.trainer_options import TrainerOptions
+
+PROFILERS: dict[str, Callable[..., Any]] = {
+    "simple": SimpleProfiler,
+    "advanced": AdvancedProfiler,
+    "pytorch": PyTorchProfiler,
+}
+
+
+def make_trainer(
+    given: TrainerOptions,
+    callbacks: list[Callback],
+    loggers: list[Logger],
+    adversarial: bool = False,
+    folder: Path | None = None,
+) -> Trainer:
+    """Lightning's Trainer; samplers are ours, so that evaluation counts each frame once under DDP.
+
+    Args:
+        given: what it is told.
+        callbacks: of it.
+        loggers: of it.
+        adversarial: whether two networks learn in turn.
+        folder: where a profiler writes.
+    """
+    # Two networks that learn in turn leave each other's gradients out; an encoder may be kept at first.
+    in_turn = adversarial or any(isinstance(callback, Unfreeze) for callback in callbacks)
+    parts_unused = in_turn and (given.strategy == "ddp" or given.processes != 1)
+    strategy = "ddp_find_unused_parameters_true" if parts_unused else given.strategy
+    on_cpu = given.accelerator == "cpu" or not torch.cuda.is_available()  # metrics are float64: no MPS
+    return Trainer(
+        max_epochs=given.max_epochs,
+        accelerator="cpu" if on_cpu else "cuda",
+        devices=given.devices,
+        strategy=strategy,
+        precision=given.precision,
+        gradient_clip_val=None if adversarial else given.gradient_clip,  # that task clips by itself
+        accumulate_grad_batches=given.accumulate,
+        deterministic=given.deterministic,
+        limit_train_batches=given.limit_train_batches,
+        limit_val_batches=given.limit_val_batches,
+        limit_test_batches=given.limit_test_batches,
+        overfit_batches=given.overfit_batches or 0.0,
+        check_val_every_n_epoch=given.check_val_every_n_epoch or 1,
+        min_epochs=given.min_epochs,
+        num_nodes=given.num_nodes,
+        gradient_clip_algorithm=None if adversarial else given.gradient_clip_algorithm,
+        sync_batchnorm=bool(given.sync_batchnorm),
+        benchmark=given.benchmark,
+        detect_anomaly=bool(given.detect_anomaly),
+        profiler=_profiler(given.profiler, folder),
+        callbacks=callbacks,
+        logger=loggers or False,
+        plugins=_plugins(),
+        use_distributed_sampler=False,
+        log_every_n_steps=given.log_every_n_steps or 1,
+        num_sanity_val_steps=0,
+        enable_model_summary=any(isinstance(callback, ModelSummary) for callback in callbacks),
+        enable_progress_bar=sys.stdout.isatty(),
+        enable_checkpointing=any(isinstance(callback, Checkpoint) for callback in callbacks),
+    )
+
+
+def _profiler(name: str | None, folder: Path | None) -> Any:
+    """One that writes into the folder `profile` of a run."""
+    if name is None or folder is None:
+        return None
+    place = folder / "profile"
+    place.mkdir(parents=True, exist_ok=True)
+    return PROFILERS[name](dirpath=place, filename=name)
+
+
+def _plugins() -> list[Any]:
+    """Checkpoints that are whole or not there; on a cluster, no requeueing by Lightning."""
+    cluster = [SLURMEnvironment(auto_requeue=False)] if SLURMEnvironment.detect() else []
+    return [CheckpointFiles(), *cluster]
