@@ -18,6 +18,7 @@ from col3d.batch import Batch, Prediction
 from col3d.layers.network import DepthNetwork
 from col3d.losses import WeightedLoss
 from col3d.models import create
+from col3d.models.build import build_network
 from col3d.training.optimizers import optimizer_of
 from col3d.training.options import TrainOptions
 
@@ -73,7 +74,7 @@ def subjects(setting: Setting, name: str) -> list[Subject]:
     """The network in its own memory format and in the other, and its twin where there is one."""
     options = options_of(setting, name)
     torch.manual_seed(0)
-    network = build.network(options.model, (setting.side, setting.side)).to(setting.device)
+    network = build_network(options.model, (setting.side, setting.side)).to(setting.device)
     assert isinstance(network, DepthNetwork)
     other = copy.deepcopy(network)
     last = network.memory_format == torch.channels_last

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from parity import needs_parity
 from torch import Tensor
 
 from col3d.metrics.functional import NORMAL_METRICS, boundary_f1, depth_metrics, normal_metrics
@@ -16,7 +17,6 @@ from col3d.metrics.functional.normals import normal_errors
 from col3d.metrics.functional.ranges import range_errors
 from col3d.metrics.measure import measure
 from col3d.registry.metric_specs import RANGES
-from tests.parity import needs_parity
 
 GENERATOR = torch.Generator().manual_seed(0)
 TARGET = torch.rand(3, 1, 13, 17, generator=GENERATOR) * 90 + 1

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from fake_runs import CONSISTENT, VIDEOS, options_of, with_rmse, write_paper, write_run
 
 from col3d.registry.earlier import updated
 from col3d.reports.experiments import (
@@ -15,7 +16,6 @@ from col3d.reports.experiments import (
 )
 from col3d.reports.paper_tables import paper_table
 from col3d.reports.runs import read_runs
-from tests.reports.fake_runs import CONSISTENT, VIDEOS, options_of, with_rmse, write_paper, write_run
 
 BY_L1 = {**CONSISTENT, "consistency": {"term": "cross_task_l1"}}
 PINHOLE = {**CONSISTENT, "consistency": {"term": "cross_task_rmse", "geometry": "pinhole"}}

@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from fake_runs import VIDEOS, change_summary, write_paper, write_run
 
 from col3d.io.predictions import PredictionWriter, StoredPredictions
 from col3d.registry.metric_specs import OURS
@@ -29,7 +30,6 @@ from col3d.reports.figures.plots import axis_label
 from col3d.reports.figures.style import PALETTE, Look, Style, ball, styles_of
 from col3d.reports.per_frame import read_per_frame, write_per_frame
 from col3d.reports.runs import Found, Run, read_runs
-from tests.reports.fake_runs import VIDEOS, change_summary, write_paper, write_run
 
 FRAMES, SIZE = 3, (12, 16)
 NEED_TRUTH = [

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
+from fake_runs import write_run
 
 from col3d.reports.__main__ import main
 from col3d.reports.jobs import STATUS
@@ -11,7 +12,6 @@ from col3d.reports.ledger import main as ledger
 from col3d.reports.render import as_code, as_text
 from col3d.reports.runs import read_runs
 from col3d.reports.summary import print_summary
-from tests.reports.fake_runs import write_run
 
 NAMES = ("z[b]x", "[red]y", "[/]", ":smile:", "<b>bold</b>")
 

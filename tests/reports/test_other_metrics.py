@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fake_runs import change_summary, write_run
 
 from col3d.reports.compose import further_table, main_table
 from col3d.reports.experiments import experiments_of
@@ -18,7 +19,6 @@ from col3d.reports.per_frame import read_per_frame
 from col3d.reports.render import latex, markdown
 from col3d.reports.runs import read_runs
 from col3d.reports.tables import Table, marks
-from tests.reports.fake_runs import change_summary, write_run
 
 SPEC = {"better": "higher", "unit": "%", "heading": "Sharp & clear", "decimals": 1, "scale": 100.0}
 

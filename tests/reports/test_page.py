@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from fake_runs import change_summary, write_paper, write_run
 
 from col3d.reports import figures
 from col3d.reports.__main__ import main
 from col3d.reports.page import data_uri
-from tests.reports.fake_runs import change_summary, write_paper, write_run
 
 PIXEL = bytes.fromhex(
     "89504e470d0a1a0a0000000d49484452000000010000000108000000003a7e9b550000000a49444154789c6360000000020001"

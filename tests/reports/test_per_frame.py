@@ -4,6 +4,7 @@ import math
 from pathlib import Path
 
 import pytest
+from fake_runs import DEPTH_METRICS, METRICS
 
 from col3d.registry.metric_specs import OURS, MetricSpec
 from col3d.reports.per_frame import (
@@ -15,7 +16,6 @@ from col3d.reports.per_frame import (
     read_per_frame,
     write_per_frame,
 )
-from tests.reports.fake_runs import DEPTH_METRICS, METRICS
 
 
 def row(video: str, frame: int, **values: float) -> dict[str, str | int | float]:

@@ -5,11 +5,11 @@ import socket
 from pathlib import Path
 
 import pytest
+from fake_runs import change_summary, write_run
 
 from col3d.reports.__main__ import main
 from col3d.reports.places import command_without_places, last_name, without_places
 from col3d.reports.run_page import write_run_page
-from tests.reports.fake_runs import change_summary, write_run
 
 
 @pytest.mark.parametrize(

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fake_runs import DEPTH_METRICS
 from PIL import Image
 
 from col3d.errors import UserError
 from col3d.reports.run_page import write_run_page
 from col3d.reports.scenes import read_frame, save_frame
-from tests.reports.fake_runs import DEPTH_METRICS
 
 SCORES = dict.fromkeys(DEPTH_METRICS, 0.25)
 SUMMARY = {

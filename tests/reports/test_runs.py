@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fake_runs import METRICS, change_summary, write_run
 
 from col3d.reports.per_frame import IDENTITY, read_per_frame, write_per_frame
 from col3d.reports.runs import read_runs
-from tests.reports.fake_runs import METRICS, change_summary, write_run
 
 
 def test_columns_are_arrays_in_order(tmp_path: Path) -> None:

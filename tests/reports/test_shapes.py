@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from fake_runs import write_run
 
 from col3d.errors import UserError
 from col3d.io.ownership import Owned
@@ -19,7 +20,6 @@ from col3d.reports.run_page import write_run_page
 from col3d.reports.runs import read_runs
 from col3d.reports.summary import print_summary
 from col3d.runs.status import JobStatus
-from tests.reports.fake_runs import write_run
 
 WRONG = (None, [], {}, "x", [[1]], {"x": {"x": []}}, True, -1, 10**400, float("inf"), [{}], {"x": "y"})
 STATUSES = {

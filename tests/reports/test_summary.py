@@ -5,11 +5,11 @@ import json
 from pathlib import Path
 
 import pytest
+from fake_runs import DEPTH_METRICS, METRICS
 from rich.console import Console
 
 from col3d.reports.per_frame import Row
 from col3d.reports.summary import print_summary, summarise, write_json
-from tests.reports.fake_runs import DEPTH_METRICS, METRICS
 
 FACTS = {"model": "bts", "data": "phantom", "split": "test", "seed": 3, "protocol": "house"}
 ROWS: list[Row] = [

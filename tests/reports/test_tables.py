@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fake_runs import DEPTH_METRICS, change_summary, options_of, write_paper, write_run
 
 from col3d.reports.breakdowns import cost_table, segment_table, video_table
 from col3d.reports.compose import PHANTOM, difference_tables, main_table
@@ -16,7 +17,6 @@ from col3d.reports.runs import read_runs
 from col3d.reports.shares import training_frames
 from col3d.reports.statistics import cluster_bootstrap, sample_of
 from col3d.reports.tables import METRICS, Cell, Line, Table, marks
-from tests.reports.fake_runs import DEPTH_METRICS, change_summary, options_of, write_paper, write_run
 
 SMALL = Table(
     "small",

@@ -1,6 +1,6 @@
 """Registered parts as choices of the configuration: `model=unet model.dropout=0.2` needs no file."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import ClassVar
 
 from hydra.core.config_search_path import ConfigSearchPath
@@ -86,18 +86,19 @@ class SearchPath(SearchPathPlugin):
     """Lets a folder `conf` inside a plugin, and registered parts, join the groups of options."""
 
     offered: ClassVar[list[str]] = [*DATASETS.groups]
-    """Groups of options that parts join: of most programs, those of data sets."""
+    """Groups of options that parts join."""
 
     def manipulate_search_path(self, search_path: ConfigSearchPath) -> None:
         """Append them: files of this package go first, those of plugins before what signatures say."""
         for folder in plugins.configurations():
             search_path.append("col3d.plugins", f"file://{folder}")
-        search_path.append("col3d.registry", f"{RegisteredParts.scheme()}://{','.join(self.offered)}")
+        if self.offered:
+            search_path.append("col3d.registry", f"{RegisteredParts.scheme()}://{','.join(self.offered)}")
 
 
-def offer_parts() -> None:
-    """Make parts of every kind choices of their groups."""
-    SearchPath.offered = [*GROUPS]
+def offer_parts(groups: Iterable[str] = GROUPS) -> None:
+    """Make parts choices of these groups: a program knows no others, and need not import what they are."""
+    SearchPath.offered = [*groups]
 
 
 def load_plugins(arguments: Sequence[str]) -> list[str]:

@@ -8,6 +8,7 @@ from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
+import yaml
 from hydra import compose, initialize_config_dir
 from hydra import main as hydra_main
 from hydra.core.global_hydra import GlobalHydra
@@ -27,7 +28,7 @@ from col3d.cli.paths import as_typed
 from col3d.cli.refusals import explain, refuse
 from col3d.errors import DataError, OptionError, RunLockedError, UserError
 from col3d.io.ownership import Owned
-from col3d.registry import plugins
+from col3d.registry import DATASETS, GROUPS, plugins
 from col3d.reports.jobs import STATUS, TRAINING, read_plain
 from col3d.reports.summary import write_json
 from col3d.runs.overwriting import end
@@ -61,8 +62,7 @@ def launch(config_name: str, run: Run, words: Sequence[str]) -> None:
         typed = load_plugins(typed)
     except OptionError as error:
         refuse(str(error))
-    if config_name in TRAINS:
-        offer_parts()
+    offer_parts(GROUPS if config_name in TRAINS else DATASETS.groups if _has_data(config_name) else ())
     again = Again(sys.argv, config_name)
     arguments = [text for argument in typed for text in as_groups(argument)]
     sys.argv = [sys.argv[0], *arguments]  # which Hydra reads
@@ -91,6 +91,8 @@ def launch(config_name: str, run: Run, words: Sequence[str]) -> None:
         hydra_main(version_base="1.3", config_path=str(CONF), config_name=config_name)(job)()
         if sweep is not None:
             end(sweep)
+    except BrokenPipeError:  # who reads has read enough
+        raise
     except (HydraException, OmegaConfBaseException, *BAD_INPUT) as error:
         refuse(explain(error, config_name))
     except KeyboardInterrupt:  # before a program of ours listens to it
@@ -116,6 +118,12 @@ def composed(program: str, overrides: Sequence[str] = ()) -> dict[str, Any]:
     content = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
     assert isinstance(content, dict)
     return _plain(content, program)
+
+
+def _has_data(config_name: str) -> bool:
+    """Whether a program has the group `data`."""
+    defaults = yaml.safe_load((CONF / f"{config_name}.yaml").read_text(encoding="utf-8"))["defaults"]
+    return any("data" in entry for entry in defaults)
 
 
 def _plain(content: dict[Any, Any], config_name: str) -> dict[str, Any]:

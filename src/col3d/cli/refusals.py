@@ -47,7 +47,8 @@ def explain(error: Exception, config_name: str) -> str:
 
 def _folder() -> str:
     """Where this run writes: what a full disk is said of by libraries that do not name the file."""
-    return HydraConfig.get().runtime.output_dir if HydraConfig.initialized() else "a file"
+    known = HydraConfig.initialized() and not OmegaConf.is_missing(HydraConfig.get().runtime, "output_dir")
+    return HydraConfig.get().runtime.output_dir if known else "a file"
 
 
 def _unknown_option(option: str, config_name: str) -> str:

@@ -216,7 +216,7 @@ class FrameDataModule(LightningDataModule):
         return self.augment(house, self.seed, self.trainer.current_epoch)
 
     def frames_in_order(
-        self, split: str, device: torch.device, limit: float | None = None
+        self, split: str, device: torch.device, limit: int | float | None = None
     ) -> Iterator[Batch]:
         """The frames of a part on a device, each once; of the processes of a training each has its own.
 
@@ -226,8 +226,7 @@ class FrameDataModule(LightningDataModule):
             limit: of batches: their number, or a share below 1.
         """
         loader = self._evaluation(split)
-        whole = limit is None or isinstance(limit, int)
-        most = limit if whole else max(1, int(len(loader) * float(limit or 0)))
+        most = max(1, int(len(loader) * limit)) if isinstance(limit, float) else limit
         for batch in itertools.islice(loader, most):
             yield self._decoded(move_data_to_device(batch, device))
 

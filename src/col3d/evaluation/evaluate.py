@@ -9,6 +9,7 @@ from col3d.data.checks.truth import has_truth
 from col3d.data.datamodule import FrameDataModule, Frames
 from col3d.errors import UserError
 from col3d.evaluation.options import EvaluateOptions, ProtocolOptions, build_protocol
+from col3d.evaluation.predict_frames import Mirror
 from col3d.evaluation.results import Results, facts_of
 from col3d.evaluation.scorer import Scoring, score_network
 from col3d.evaluation.setup import EvaluationSetup, evaluation_setup
@@ -64,29 +65,30 @@ def _evaluate(options: EvaluateOptions, stop: StopSignals) -> None:
         truths[name] = own_truth(protocol, setup.data, setup.phantom, options.split, setup.data.size)
         _check_truth(truths[name] or frames, name, protocol, setup, options)
     device = device_for(options.accelerator)
-    scorings = {
-        name: Scoring(
+    results = {name: _results(setup, options, name, len(frames)) for name in options.protocol}
+    scorings = [
+        Scoring(
             build_protocol(name, protocol, options.metrics),
-            _results(setup, options, name, len(frames)),
+            results[name].table,
+            None if protocol.resolution == "native" else results[name].panels,
             protocol.mirror,
             one_by_one(truths[name], setup.data.workers, device),
-            pictures=protocol.resolution == "network",
         )
         for name, protocol in options.protocol.items()
-    }
+    ]
     if options.compile:
         compile_network(setup.network, trained=True)
     score_network(
         setup.network,
         FrameDataModule({"test": frames}, setup.data.batch_size, setup.data.workers),
         device,
-        [*scorings.values()],
+        scorings,
         setup.mean_depth,
         _writers(setup, options),
     )
     stop.hold()  # for seconds, after which all files are there
-    for name, scoring in scorings.items():
-        _write(setup, options, name, scoring.results)
+    for of_protocol in results.values():
+        _write(setup, options, of_protocol)
     stop.asked = None  # a signal that came too late for anything to be lost by it
 
 
@@ -112,11 +114,11 @@ def _results(setup: EvaluationSetup, options: EvaluateOptions, name: str, frames
     return results
 
 
-def _writers(setup: EvaluationSetup, options: EvaluateOptions) -> dict[str | None, PredictionWriter]:
+def _writers(setup: EvaluationSetup, options: EvaluateOptions) -> dict[Mirror, PredictionWriter]:
     """What keeps predictions, where they are asked for: for each way of mirroring."""
     if not options.predictions:
         return {}
-    found = {}
+    found: dict[Mirror, PredictionWriter] = {}
     for mirror in dict.fromkeys(protocol.mirror for protocol in options.protocol.values()):
         folder = _run(options) / _name("predictions", options, mirror)
         owned_predictions(folder).check_place()
@@ -125,7 +127,7 @@ def _writers(setup: EvaluationSetup, options: EvaluateOptions) -> dict[str | Non
     return found
 
 
-def _write(setup: EvaluationSetup, options: EvaluateOptions, name: str, results: Results) -> None:
+def _write(setup: EvaluationSetup, options: EvaluateOptions, results: Results) -> None:
     """The files of one protocol."""
     folder, checkpoint = results.folder, Path(options.checkpoint)
     Owned(folder, KIND, "output_dir").claim(*FILES)

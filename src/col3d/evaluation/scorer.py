@@ -9,8 +9,9 @@ from torch import Tensor, nn
 
 from col3d.batch import Batch, Prediction
 from col3d.data.datamodule import FrameDataModule
+from col3d.evaluation.panels import ImagePanels
+from col3d.evaluation.per_frame_table import PerFrameTable
 from col3d.evaluation.predict_frames import Mirror, predict_frames, write_batch
-from col3d.evaluation.results import Results
 from col3d.io.predictions import PredictionWriter
 from col3d.metrics import Protocol
 
@@ -21,18 +22,18 @@ class Scoring:
 
     Attributes:
         protocol: by which is scored.
-        results: that collect the rows.
+        table: of the rows.
+        panels: that keep frames, or None.
         mirror: which of the predictions is scored.
         truth: frame by frame in the order of the predictions, where the protocol holds them against something
             else than the batch that they were made from.
-        pictures: whether frames are kept for panels.
     """
 
     protocol: Protocol
-    results: Results
+    table: PerFrameTable
+    panels: ImagePanels | None = None
     mirror: Mirror = None
     truth: Iterator[Batch] | None = None
-    pictures: bool = True
 
     def add(self, batch: Batch, prediction: Prediction, mean_depth: Tensor | None) -> None:
         """Score a batch, and the mean training depth beside it."""
@@ -51,9 +52,9 @@ class Scoring:
         if mean_depth is not None:
             constant: Prediction = {"depth": mean_depth.to(batch["depth"].device).expand_as(batch["depth"])}
             baseline = self.protocol.score(constant, batch, validation=True)
-        self.results.table.add(batch, values, baseline)
-        if self.pictures:
-            self.results.panels.keep(batch, prediction, values)
+        self.table.add(batch, values, baseline)
+        if self.panels is not None:
+            self.panels.keep(batch, prediction, values)
 
 
 def score_network(
@@ -63,7 +64,7 @@ def score_network(
     scorings: Sequence[Scoring],
     mean_depth: Tensor | None = None,
     writers: Mapping[Mirror, PredictionWriter] | None = None,
-    limit: float | None = None,
+    limit: int | float | None = None,
 ) -> None:
     """Score what a network predicts of the test frames, each process of a training its own part.
 
@@ -108,4 +109,4 @@ def score(
         for writer in writers.values():
             writer.finish()
     for scoring in scorings:
-        scoring.results.table.gather()
+        scoring.table.gather()

@@ -1,7 +1,7 @@
 """Options of the programs that use a trained network: predict, fuse, export, demo."""
 
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
 from pydantic import Field, PositiveFloat, PositiveInt, model_validator
 
@@ -21,7 +21,7 @@ class CheckpointOptions(Options):
     size: Size | None
 
     @model_validator(mode="after")
-    def _knows_its_own(self) -> Self:
+    def _knows_its_own(self) -> "CheckpointOptions":
         for option, value in (("max_depth", self.max_depth), ("size", self.size)):
             if value is not None and self.published is None:
                 raise ValueError(f"{option}: our checkpoints know theirs; it is for published weights")
@@ -112,7 +112,7 @@ class ExportOptions(CheckpointOptions):
     half: bool
 
     @model_validator(mode="after")
-    def _knows_its_own(self) -> Self:
+    def _knows_its_own(self) -> "ExportOptions":
         if self.max_depth is not None and self.published is None:
             raise ValueError("max_depth: our checkpoints know theirs; it is for published weights")
         return self

@@ -37,7 +37,7 @@ def _length(options: dict[str, Any], video: dict[str, str], limits: str) -> int:
 @cache
 def _videos() -> dict[str, dict[str, str]]:
     """Rows of the table of videos by each of their names: of then, of today, and in the paper."""
-    text = files("col3d").joinpath("data/videos.csv").read_text("utf-8")
+    text = files("col3d").joinpath("data/datasets/videos.csv").read_text("utf-8")
     rows = list(csv.DictReader(text.splitlines()))
     names = ("label", "released_as", "video")
     return {row[name]: row for name in names for row in rows if row[name]}

@@ -68,7 +68,7 @@ class RunRequest:
 
     def plain(self) -> dict[str, Any]:
         """The options as JSON and YAML hold them."""
-        return self.asked.plain()
+        return self.options.model_dump(mode="json")
 
 
 class RunFolder:

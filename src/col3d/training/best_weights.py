@@ -5,6 +5,7 @@ import torch
 from col3d.data.datamodule import FrameDataModule
 from col3d.errors import UserError
 from col3d.evaluation.options import build_protocol
+from col3d.evaluation.predict_frames import Mirror
 from col3d.evaluation.results import Results
 from col3d.evaluation.scorer import Scoring, score_network
 from col3d.evaluation.truth import one_by_one, own_truth
@@ -58,11 +59,12 @@ def score_best(
     results.panels.choose(data.lengths()["test"], *rank_and_world())
     scoring = Scoring(
         build_protocol(name, protocol, options.metrics),
-        results,
+        results.table,
+        results.panels,
         protocol.mirror,
         one_by_one(truth, options.data.workers, device),
     )
-    writers = {}
+    writers: dict[Mirror, PredictionWriter] = {}
     if predictions:
         facts = {"max_depth": options.model.max_depth, "split": "test"}
         writers[protocol.mirror] = PredictionWriter(folder.path / PREDICTIONS, facts)

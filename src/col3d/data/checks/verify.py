@@ -27,9 +27,9 @@ from col3d.data.checks import (
     ranked,
     thumbnail,
 )
-from col3d.data.checks import video_summary as summarise_video
 from col3d.data.checks.options import VerifyOptions
 from col3d.data.checks.stores import check_store, stores_beside
+from col3d.data.checks.video_summary import summarise_video
 from col3d.data.datasets.frame_files import Frame
 from col3d.data.datasets.frame_set import FrameSet
 from col3d.data.datasets.release import RELEASES

@@ -57,7 +57,7 @@ class Video:
 @cache
 def catalogue() -> Mapping[str, Video]:
     """Every video of C3VD and C3VDv2 by its name here."""
-    text = files("col3d.data").joinpath("videos.csv").read_text(encoding="utf-8")
+    text = files("col3d.data.datasets").joinpath("videos.csv").read_text(encoding="utf-8")
     found = {}
     for row in csv.DictReader(text.splitlines()):
         name, split, frames = row.pop("video"), row.pop("paper_split"), int(row.pop("frames"))

@@ -1,0 +1,74 @@
+"""The command as a user calls it: exit codes and what is printed."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from programs import call
+
+from col3d.cli.programs import RUNS
+from col3d.cli.resolvers import slug
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["loss.lambda=[1,1,1]"], ["loss.lambda: no such option", "did you mean 'loss.lambdas'"]),
+        (["modle=bts"], ["modle: no such option", "did you mean 'model'"]),
+        (["model=bst"], ["model: 'bst' is unknown", "did you mean 'bts'", "col3d_mtl"]),
+        (["loss.lambdas=0.5,0.3,0.2"], ["loss.lambdas", "in brackets"]),
+        (["loss.lambdas=[0.5,", "0.3]"], ["without spaces"]),
+        (["data=c3vd"], ["data.root: a value is needed"]),
+        (["model=bts,col3d_mtl"], ["model: sweep over the values with -m"]),
+        (["model=[bts,col3d_mtl]"], ["model: expected one of bts", "sweep with -m"]),
+        (["loss=null"], ["loss: expected one of monodepth_fpn, mtl", "null"]),
+        (["trainer.accelerator=cuda"], ["trainer.accelerator: this machine has no cuda"]),
+        (["hydra.run.dir=/proc/nowhere"], ["/proc/nowhere: "]),
+        (["trainer.devices=0"], ["trainer.devices: "]),
+        (["loss.lambdas=[0.5,0.3]"], ["loss.lambdas", "3 number(s)"]),
+        (["data=c3vd", "data.root=nowhere"], ["data.root=", "nowhere: no such folder"]),
+    ],
+)
+def test_bad_input_ends_in_one_line_and_exit_code_2(
+    arguments: list[str], expected: list[str], tmp_path: Path
+) -> None:
+    answer = call("train.py", *arguments, cwd=tmp_path)
+    assert answer.returncode == 2, answer.stderr
+    assert len(answer.stderr.strip().splitlines()) == 1
+    for part in expected:
+        assert part in answer.stderr
+    assert not [path for path in tmp_path.rglob("*") if path.is_file()]
+
+
+def test_a_missing_checkpoint_is_refused(tmp_path: Path) -> None:
+    answer = call("evaluate", "checkpoint=none.ckpt", cwd=tmp_path)
+    assert (answer.returncode, answer.stderr.strip()) == (2, "error: checkpoint: no such file: none.ckpt")
+
+
+def test_what_a_resolver_refuses_is_one_line(tmp_path: Path) -> None:
+    answer = call("prepare", "prepare.preset=papr", cwd=tmp_path)
+    expected = "error: prepare.preset: expected one of laptop, paper, smoke, got 'papr'\n"
+    assert (answer.returncode, answer.stderr) == (2, expected)
+
+
+@pytest.mark.parametrize("program", sorted(RUNS))
+def test_help_answers_without_heavy_imports(program: str, tmp_path: Path) -> None:
+    answer = call(program, "--help", cwd=tmp_path)
+    assert answer.returncode == 0
+    assert f"col3d {program}" in answer.stdout or f"python {program}.py" in answer.stdout
+    heavy = {"lightning", "timm", "torchvision"}
+    if program in ("predict", "fuse", "export", "demo"):  # others have groups of parts, which are classes
+        heavy |= {"torch", "cv2"}
+    code = f"import sys; from col3d.cli import main\ntry: main([{program!r}, '--help'])\n"
+    code += f"except SystemExit: pass\nassert not {heavy} & set(sys.modules)"
+    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True, capture_output=True)
+
+
+def test_folders_are_named_for_the_overrides() -> None:
+    assert slug("") == "default"
+    assert slug("model=bts,seed=0") == "model-bts_seed-0"
+    one, other = slug("loss.lambdas=[0.5,0.3,0.2]"), slug("loss.lambdas=[0.5,0.3,0.2")
+    assert one != other
+    assert all(character not in one for character in "=[] /")
+    assert len(slug("x=" + "y" * 500)) < 120

@@ -1,0 +1,182 @@
+"""What Lightning's Trainer takes is passed on, or refused with the reason."""
+
+import json
+import os
+import signal
+from collections.abc import Callable
+from inspect import signature
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cut_runs import assert_the_same, options, stopped_in
+from lightning import Trainer
+from programs import call
+from tiny_run import TINY, composed
+
+from col3d.errors import UserError
+from col3d.registry.refusals import check_options
+from col3d.training.options import TrainOptions
+from col3d.training.tasks import SupervisedTask
+from col3d.training.train import train
+from col3d.training.trainer import make_trainer
+from col3d.training.trainer_options import REASONS, TrainerOptions
+
+Compose = Callable[..., dict[str, Any]]
+SELDOM = "callbacks.checkpoint_minutes=60"
+RENAMED = {"accumulate": "accumulate_grad_batches", "gradient_clip": "gradient_clip_val"}
+OURS = {"compile"}
+
+
+def checked(*overrides: str) -> TrainOptions:
+    return check_options(TrainOptions, composed("train", "output_dir=x", *overrides))
+
+
+def test_each_argument_of_the_trainer_is_taken_or_refused_with_a_reason() -> None:
+    theirs = {*signature(Trainer).parameters}
+    ours = {RENAMED.get(name, name) for name in TrainerOptions.model_fields} - OURS
+    assert ours | {*REASONS} == theirs
+    assert ours & {*REASONS} == {*RENAMED.values()}
+
+
+@pytest.mark.parametrize(
+    ("override", "attribute", "value"),
+    [
+        ("trainer.limit_val_batches=2", "limit_val_batches", 2),
+        ("trainer.limit_train_batches=0.5", "limit_train_batches", 0.5),
+        ("trainer.limit_test_batches=1.0", "limit_test_batches", 1.0),
+        ("trainer.check_val_every_n_epoch=2", "check_val_every_n_epoch", 2),
+        ("trainer.overfit_batches=1", "overfit_batches", 1),
+        ("trainer.min_epochs=2", "min_epochs", 2),
+        ("trainer.log_every_n_steps=7", "log_every_n_steps", 7),
+    ],
+)
+def test_what_is_given_reaches_the_trainer(override: str, attribute: str, value: Any) -> None:
+    given = checked("trainer.accelerator=cpu", override).trainer
+    assert getattr(make_trainer(given, [], []), attribute) == value
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (["++trainer.max_steps=5"], "trainer.max_steps: a training is as long as trainer.max_epochs"),
+        (
+            ["++trainer.gradient_clip_val=1"],
+            "trainer.gradient_clip_val: is called trainer.gradient_clip",
+        ),
+        (["++trainer.max_epoch=5"], "trainer.max_epoch: no such option; did you mean 'trainer.max_epochs'?"),
+        (["trainer.limit_val_batches=0"], "trainer.limit_val_batches: expected greater than 0"),
+        (["trainer.limit_val_batches=1.5"], "trainer.limit_val_batches: expected "),
+        (["trainer.check_val_every_n_epoch=99"], "trainer.check_val_every_n_epoch: expected at most"),
+        (
+            ["trainer.profiler=fast"],
+            "trainer.profiler: expected 'simple', 'advanced' or 'pytorch'",
+        ),
+        (["trainer.gradient_clip_algorithm=value"], "trainer.gradient_clip_algorithm: needs trainer.grad"),
+        (
+            ["callbacks.predictions=true", "trainer.num_nodes=2"],
+            "callbacks.predictions: one process writes them, got trainer.devices=1 trainer.num_nodes=2",
+        ),
+        (
+            ["model=pix2pix", "trainer.gradient_clip=1.0", "trainer.gradient_clip_algorithm=value"],
+            "trainer.gradient_clip_algorithm: task=adversarial clips by norm, got value",
+        ),
+    ],
+)
+def test_each_mistake_is_one_line(overrides: list[str], message: str) -> None:
+    with pytest.raises(UserError) as error:
+        checked(*overrides)
+    assert str(error.value).startswith(message)
+    assert "\n" not in str(error.value)
+
+
+def test_on_the_command_line_the_reason_is_said(tmp_path: Path) -> None:
+    given = ("trainer.max_steps=3", "trainer.max_epoch=2")
+    for argument, expected in zip(given, ("as long as trainer.max_epochs", "did you mean"), strict=True):
+        answer = call("train.py", *TINY, argument, f"hydra.run.dir={tmp_path / 'run'}", cwd=tmp_path)
+        assert answer.returncode == 2
+        assert answer.stderr.startswith(f"error: {argument.partition('=')[0]}: ")
+        assert expected in answer.stderr
+        assert len(answer.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("more", "where", "epoch", "batch"),
+    [
+        (["trainer.check_val_every_n_epoch=2", "trainer.max_epochs=4"], "on_train_batch_start", 2, 1),
+        (["trainer.overfit_batches=2"], "on_train_batch_start", 1, 1),
+        (["trainer.limit_train_batches=0.5", "trainer.limit_val_batches=1"], "on_train_batch_start", 2, 0),
+    ],
+)
+def test_a_run_with_them_goes_on_to_the_bit(
+    more: list[str], where: str, epoch: int, batch: int, tiny: Compose, tmp_path: Path, monkeypatch: Any
+) -> None:
+    given = (SELDOM, "data.batch_size=1", *more)
+    train(options(tiny, tmp_path / "whole", *given))
+    with monkeypatch.context() as patched:
+        stopped_in(patched, where, epoch, batch, signal.SIGTERM)
+        with pytest.raises(SystemExit):
+            train(options(tiny, tmp_path / "cut", *given))
+    train(options(tiny, tmp_path / "cut", *given))
+    assert_the_same(tmp_path / "cut", tmp_path / "whole")
+    lines = (tmp_path / "cut" / "metrics.csv").read_text().splitlines()
+    place = lines[0].split(",").index("train/loss")
+    epochs = json.loads((tmp_path / "cut" / "result.json").read_text())["epochs"]
+    assert sum(bool(line.split(",")[place]) for line in lines[1:]) == epochs
+
+
+def test_a_profile_is_in_the_run_s_folder_and_makes_no_other_run(
+    tiny: Compose, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = tmp_path / "run"
+    train(options(tiny, run, "trainer.max_epochs=1", "trainer.profiler=simple"))
+    assert "run_training_epoch" in (run / "profile" / "fit-simple.txt").read_text()
+    capsys.readouterr()
+    train(options(tiny, run, "trainer.max_epochs=1"))
+    assert "finished before" in capsys.readouterr().out
+
+
+def test_a_trial_leaves_nothing_and_touches_no_run(
+    tiny: Compose, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "temporary"))
+    monkeypatch.setattr("tempfile.tempdir", None)
+    (tmp_path / "temporary").mkdir()
+    run = tmp_path / "run"
+    score = train(options(tiny, run, "trainer.fast_dev_run=true", "logger=tensorboard"))
+    said = capsys.readouterr().out
+    assert "epoch 1/1" in said
+    assert said.rstrip().endswith(
+        "1 batch(es) of training, validation and test went through; nothing is kept"
+    )
+    assert isinstance(score, float)
+    assert not run.exists()
+    assert not list((tmp_path / "temporary").iterdir())
+    train(options(tiny, run, "trainer.max_epochs=1"))
+    before = {path: path.stat().st_mtime_ns for path in run.rglob("*") if path.is_file()}
+    train(options(tiny, run, "trainer.fast_dev_run=2", "overwrite=true"))
+    assert {path: path.stat().st_mtime_ns for path in run.rglob("*") if path.is_file()} == before
+    assert "COL3D_FAST_DEV_RUN" not in os.environ
+
+
+def test_batches_to_learn_by_heart_are_the_same_in_each_epoch(
+    tiny: Compose, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[tuple[int, str, int]] = []
+    hook = SupervisedTask.training_step
+
+    def remembered(task: SupervisedTask, batch: Any, batch_idx: int) -> Any:
+        frames = zip(batch["video"], batch["frame"].tolist(), strict=True)
+        seen.extend((task.current_epoch, *frame) for frame in frames)
+        return hook(task, batch, batch_idx)
+
+    monkeypatch.setattr(SupervisedTask, "training_step", remembered)
+    given = (SELDOM, "data.batch_size=1", "trainer.overfit_batches=2")
+    with monkeypatch.context() as patched:
+        stopped_in(patched, "on_train_batch_start", 2, 0, signal.SIGTERM)
+        with pytest.raises(SystemExit):
+            train(options(tiny, tmp_path / "cut", *given))
+    train(options(tiny, tmp_path / "cut", *given))
+    by_epoch = [[frame for epoch, *frame in seen if epoch == number] for number in range(3)]
+    assert by_epoch[0] == by_epoch[1] == by_epoch[2]
+    assert len(by_epoch[0]) == 2
