@@ -73,7 +73,9 @@ def test_a_truth_of_its_own_is_met_frame_by_frame(tmp_path: Path) -> None:
     for row, expected in zip(found, rows(tmp_path, PROTOCOLS[0])[0], strict=True):
         assert row.keys() == expected.keys()
         for name, value in row.items():
-            assert value == (expected[name] if isinstance(value, str) else pytest.approx(expected[name])), name
+            assert value == (expected[name] if isinstance(value, str) else pytest.approx(expected[name])), (
+                name
+            )
 
 
 def test_another_order_of_the_truth_is_no_score(tmp_path: Path) -> None:

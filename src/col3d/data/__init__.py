@@ -1,1 +1,11 @@
-"""Data sets decoded to house units, splits, transforms on whole items and the data module."""
+"""Data sets as frames, batches and splits: what is read, prepared, augmented and checked.
+
+
+How a single file is decoded is in `data.files`; a colon that is rendered, in `phantom`.
+"""
+
+from col3d.data.datasets.c3vd import C3VD, C3VDv2
+from col3d.data.datasets.folder import FolderFrames
+from col3d.data.datasets.simcol3d import SimCol3D
+
+__all__ = ["C3VD", "C3VDv2", "FolderFrames", "SimCol3D"]
