@@ -1,6 +1,5 @@
 """Data sets as frames, batches and splits: what is read, prepared, augmented and checked.
 
-
 How a single file is decoded is in `data.files`; a colon that is rendered, in `phantom`.
 """
 
