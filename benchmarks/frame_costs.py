@@ -15,7 +15,7 @@ from col3d.data.sized import Resized
 
 FRAMES = 8
 WHOLE, STAND_IN = "raw, the whole frame", "stand-in, the whole frame"
-REST = "raw, the rest: resize, house units, codes"
+REST = "raw, the rest: resize, standard units, codes"
 
 
 def frame_costs(frames: FrameSet, size_hw: tuple[int, int], repeats: int) -> dict[str, list[float]]:

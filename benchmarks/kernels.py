@@ -27,7 +27,7 @@ def metric_rows(side: int, device: torch.device, repeats: int) -> list[Row]:
     mask = torch.rand(depth.shape, generator=generator) > 0.05
     ours = [values.to(device) for values in (guess, depth, turned, normals, mask)]
 
-    def house() -> None:
+    def measured() -> None:
         depth_metrics(ours[0], ours[1], ours[4])
         normal_metrics(ours[2], ours[3], ours[4])
 
@@ -35,7 +35,7 @@ def metric_rows(side: int, device: torch.device, repeats: int) -> list[Row]:
         for i in range(BATCH):
             published_metrics(*(values[i].numpy() for values in (guess[:, 0], depth[:, 0], turned, normals)))
 
-    seconds = interleaved({"published, numpy": twin, "col3d": house}, repeats, device)
+    seconds = interleaved({"published, numpy": twin, "col3d": measured}, repeats, device)
     found = ratios(seconds["published, numpy"], seconds["col3d"])
     return [
         *[row(METRICS, name, "ms a frame", [1000 * s / BATCH for s in t]) for name, t in seconds.items()],

@@ -44,7 +44,7 @@ def loading_speeds(
     resized, stand_in = Resized(frames, loading.size_hw), PublishedLoader(frames, loading.size_hw)
     stored = Stored([(video, video.frames) for video in videos])
     bare = BareCopy([(video.folder, len(video.frames)) for video in videos])
-    from_store, from_files = (house_loader(part, loading) for part in (stored, resized))
+    from_store, from_files = (our_loader(part, loading) for part in (stored, resized))
     epochs: dict[str, tuple[int, Work]] = {
         "store": (len(stored), partial(_load, from_store)),
         "store, decoded": (len(stored), partial(_decode, from_store, stored, loading.device)),
@@ -58,7 +58,7 @@ def loading_speeds(
     return {name: rates(epochs[name][0], taken) for name, taken in seconds.items()}
 
 
-def house_loader(frames: SizedFrames, loading: Loading) -> DataLoader[Any]:
+def our_loader(frames: SizedFrames, loading: Loading) -> DataLoader[Any]:
     """The loader of training batches, as a training has it."""
     return FrameDataModule({"train": frames}, loading.batch_size, loading.workers).train_dataloader()
 
@@ -69,8 +69,8 @@ def on_device(codes: QuantizedBatch, device: torch.device) -> QuantizedBatch:
     return codes | {key: value.to(device, non_blocking=True) for key, value in tensors.items()}  # type: ignore[return-value]
 
 
-def house_batch(frames: SizedFrames, batch_size: int, device: torch.device) -> Batch:
-    """The first frames in house units on a device."""
+def our_batch(frames: SizedFrames, batch_size: int, device: torch.device) -> Batch:
+    """The first frames in standard units on a device."""
     indices = [index % len(frames) for index in range(batch_size)]
     return decode(on_device(frames.codes(indices), device), frames.cameras)
 

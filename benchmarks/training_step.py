@@ -4,7 +4,7 @@ from functools import partial
 
 import torch
 
-from benchmarks.loading import house_batch, wait_for
+from benchmarks.loading import our_batch, wait_for
 from benchmarks.options import train_options
 from benchmarks.timing import Work, interleaved
 from col3d.batch import Batch
@@ -31,7 +31,7 @@ def step_costs(
 ) -> dict[str, list[float]]:
     """Milliseconds of a step, and of each augmentation of its batch, for each repeat."""
     height, width = options.data.size
-    batch = house_batch(Resized(frames, (height, width)), options.data.batch_size, device)
+    batch = our_batch(Resized(frames, (height, width)), options.data.batch_size, device)
     works = {STEP: training_step(options, batch, device)}
     for name, augment in AUGMENTS.items():
         works[name] = partial(_augment, augment, batch, device)

@@ -13,7 +13,7 @@ from benchmarks.gpu.inside import waits_of
 from benchmarks.gpu.networks import OWN_FORMAT, Subject, subjects
 from benchmarks.gpu.results import Record
 from benchmarks.gpu.setting import BFLOAT16, Setting
-from benchmarks.loading import Loading, house_loader, on_device, wait_for
+from benchmarks.loading import Loading, on_device, our_loader, wait_for
 from benchmarks.networks import batch_of
 from benchmarks.timing import Work, interleaved, ratios
 from col3d.data.cache import Stored
@@ -34,7 +34,7 @@ class Epoch:
 
     def __init__(self, setting: Setting, stored: Stored, loading: Loading, network: Subject) -> None:
         self.setting, self.stored, self.network = setting, stored, network
-        self.loader = house_loader(stored, loading)
+        self.loader = our_loader(stored, loading)
         self.batch = batch_of(setting.batch, setting.side, setting.device)
         self.waits: list[float] = []
 

@@ -14,7 +14,7 @@ from col3d.errors import UserError
 
 
 class Batch(TypedDict):
-    """Frames in house units; `col3d.geometry` states the conventions of axes and pixels."""
+    """Frames in standard units; `col3d.geometry` states the conventions of axes and pixels."""
 
     image: Float[Tensor, "b 3 h w"]
     """RGB in [0, 1]; networks normalise inside."""

@@ -79,7 +79,7 @@ def lens() -> OmnidirectionalCamera:
 
 @pytest.fixture
 def item(look: Any) -> dict[str, Any]:
-    """One frame in house units, of a sphere, with an invalid corner and pixels that are not square."""
+    """One frame in standard units, of a sphere, with an invalid corner and pixels that are not square."""
     camera = OmnidirectionalCamera.c3vd().resized((120, 120))
     depth, normals, mask = look("sphere", camera.rays())
     mask[..., :20, :30] = False

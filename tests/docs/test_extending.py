@@ -78,7 +78,7 @@ def test_the_package_trains_with_all_of_its_parts(lab: Path) -> None:
     without = call("evaluate", best, cwd=lab)
     assert (without.returncode, without.stdout) == (2, "")
     assert "add plugins=[mylab]" in without.stderr
-    scored = call("evaluate", best, "plugins=[mylab]", "protocol=[near,house]", "workers=0", cwd=lab)
+    scored = call("evaluate", best, "plugins=[mylab]", "protocol=[near,standard]", "workers=0", cwd=lab)
     assert scored.returncode == 0, scored.stderr
     image = f"input={lab / 'data' / 'a' / 'rgb_0000.png'}"
     predicted = call("predict", best, "plugins=[mylab]", image, "output=out", "camera=disparity", cwd=lab)

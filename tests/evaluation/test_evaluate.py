@@ -72,7 +72,7 @@ def test_a_protocol_that_counts_nothing_is_refused_before_the_first_is_scored(
     tiny_checkpoint: Path, phantom_root: Path, tmp_path: Path
 ) -> None:
     checkpoint = shutil.copy(tiny_checkpoint, tmp_path / "best.ckpt")
-    options = ("protocol=[house,native]", "protocol.native.truth_range=[99.5,99.9]")
+    options = ("protocol=[standard,native]", "protocol.native.truth_range=[99.5,99.9]")
     with pytest.raises(UserError, match=r"that protocol native counts, within 99\.5 and 99\.9 mm"):
         score(checkpoint, *PHANTOM, f"data.root={phantom_root}", *options)
     assert list(tmp_path.iterdir()) == [checkpoint]

@@ -66,7 +66,7 @@ def test_depth_with_holes_is_learned_and_said(
     rows = (run / "per_frame.csv").read_text().splitlines()
     pixels = [int(row.rsplit(",", 1)[1]) for row in rows[1:]]
     assert all(200 < count < 1500 for count in pixels)  # of 4096; 5 in 100 of three to each
-    for name in ("house", "native"):
+    for name in ("standard", "native"):
         evaluate(
             composed(
                 "evaluate",

@@ -19,7 +19,7 @@ from col3d.metrics import Protocol
 
 SIZE = (12, 16)
 CAMERA = PinholeCamera.from_focal(SIZE, 10.0, 10.0, 7.5, 5.5)
-PROTOCOLS = (Protocol("house"), Protocol("median_scaled", scaling="median"))
+PROTOCOLS = (Protocol("standard"), Protocol("median_scaled", scaling="median"))
 
 
 class Constant(nn.Module):

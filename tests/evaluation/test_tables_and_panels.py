@@ -16,7 +16,7 @@ from col3d.registry.metric_specs import OURS
 from col3d.reports.per_frame import means, read_per_frame
 
 CAMERA = PinholeCamera.from_focal((12, 16), 10.0, 10.0, 7.5, 5.5)
-FACTS = {"model": "bts", "seed": 3, "data": "phantom", "split": "test", "protocol": "house"}
+FACTS = {"model": "bts", "seed": 3, "data": "phantom", "split": "test", "protocol": "standard"}
 
 
 def batch_of(frames: list[int], video: str) -> dict[str, Any]:

@@ -76,7 +76,7 @@ def options_of(model: str = "bts", seed: int = 0, **changes: Any) -> dict[str, A
         },
         "phantom": {"frames_per_video": 24},
         "trainer": {"max_epochs": 10},
-        "protocol": {"house": {"mirror": None}},
+        "protocol": {"standard": {"mirror": None}},
     }
     for path, value in changes.items():
         group, _, name = path.partition("__")
@@ -130,7 +130,7 @@ def write_run(
         (folder / "config.yaml").write_text(yaml.safe_dump(options, sort_keys=False))
     where = folder if evaluation is None else folder / evaluation
     where.mkdir(exist_ok=True)
-    given = {"model": model, "seed": seed, "data": "phantom", "split": "test", "protocol": "house"}
+    given = {"model": model, "seed": seed, "data": "phantom", "split": "test", "protocol": "standard"}
     given |= {key: value for key, value in (facts or {}).items() if key in given}
     rows = rows_of(given, videos, frames, options["model"]["normals"] == "unc", worse)
     rows = [{**row, "frame": row["frame"] + first} for row in rows]

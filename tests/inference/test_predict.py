@@ -16,7 +16,7 @@ from tiny_run import composed
 
 from col3d.data.datasets.c3vd import C3VD
 from col3d.data.datasets.octagon import octagon_mask
-from col3d.data.datasets.release import house_normals
+from col3d.data.datasets.release import standard_normals
 from col3d.data.files.image_files import read_rgb
 from col3d.errors import UserError
 from col3d.geometry import OmnidirectionalCamera, points_from_depth
@@ -57,7 +57,7 @@ def test_a_video_of_c3vd_is_read_back_as_c3vd(
         shutil.copy(path, copy)
     frames = C3VD(tmp_path / "as_c3vd", ["desc_t4_a"], release="current", normals="none", camera=LENS)
     item, files = frames[1], frames.kinds["normals"].find(copy)
-    normals = house_normals(read_rgb(files[1], (64, 80), np.uint16), "current")
+    normals = standard_normals(read_rgb(files[1], (64, 80), np.uint16), "current")
     network = load_predictor(tiny_checkpoint)
     image = torch.from_numpy(np.array(Image.open(video / "0001_color.png"))).permute(2, 0, 1)
     known = network.predict(image[None], LENS)

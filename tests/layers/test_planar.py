@@ -74,7 +74,7 @@ def test_sphere_reaches_everywhere() -> None:
 @pytest.mark.parametrize(
     ("unit", "normal"), [((0.0, 0.3), (0, 0, -1)), ((0.5, 0.0), (1, 0, 0)), ((0.5, 0.25), (0, 1, 0))]
 )
-def test_sphere_in_house_axes(unit: tuple[float, float], normal: tuple[int, int, int]) -> None:
+def test_sphere_in_standard_axes(unit: tuple[float, float], normal: tuple[int, int, int]) -> None:
     found = sphere_normals(torch.tensor(unit).view(1, 2, 1, 1)).flatten()
     torch.testing.assert_close(found, torch.tensor(normal, dtype=torch.float32), atol=1e-6, rtol=0)
 

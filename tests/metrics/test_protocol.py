@@ -26,7 +26,7 @@ def batch() -> Batch:
     return found  # type: ignore[no-any-return]
 
 
-def test_the_house_is_the_plain_metrics(batch: Batch) -> None:
+def test_the_standard_is_the_plain_metrics(batch: Batch) -> None:
     guess, normals = batch["depth"] * 1.2 + 1, batch["normals"].roll(1, dims=1)
     values = Protocol().score({"depth": guess, "normals": normals}, batch)
     expected = depth_metrics(guess, batch["depth"], batch["mask"])
@@ -73,7 +73,7 @@ def test_the_published_figures(published: tuple[dict[str, Any], dict[str, Tensor
     figures, maps = published
     batch: Any = {"depth": maps["depth_gt"], "normals": maps["normal_gt"], "mask": maps["depth_gt"] > -1}
     prediction: Any = {"depth": maps["depth_pred"], "normals": maps["normal_pred"]}
-    values = replace(PUBLISHED, normal_axes="house").score(prediction, batch)
+    values = replace(PUBLISHED, normal_axes="standard").score(prediction, batch)
     for name, expected in figures["depth_metrics"].items():
         assert values[name.replace("d", "delta") if name[0] == "d" else name].item() == pytest.approx(
             expected
@@ -85,9 +85,9 @@ def test_the_published_figures(published: tuple[dict[str, Any], dict[str, Tensor
 def test_published_axes_are_another_way_to_say_the_same_but_for_what_they_cut(batch: Batch) -> None:
     prediction: Any = {"depth": batch["depth"], "normals": batch["normals"].roll(1, dims=1)}
     batch["normals"][:, 2] = -batch["normals"][:, 2].abs()
-    house, published = replace(PUBLISHED, normal_axes="house"), PUBLISHED
+    standard, published = replace(PUBLISHED, normal_axes="standard"), PUBLISHED
     torch.testing.assert_close(
-        published.score(prediction, batch)["angle_mean"], house.score(prediction, batch)["angle_mean"]
+        published.score(prediction, batch)["angle_mean"], standard.score(prediction, batch)["angle_mean"]
     )
     batch["normals"][:, 2] *= -1
     cut = published.score({**prediction, "normals": batch["normals"]}, batch)["angle_mean"]

@@ -1,14 +1,14 @@
-"""Col3D-MTL's normals: unit, in house axes, anywhere on the sphere."""
+"""Col3D-MTL's normals: unit, in standard axes, anywhere on the sphere."""
 
 import pytest
 import torch
 from torch import Tensor
 
 from col3d.layers.normal_decoder import enlarge
-from col3d.models.col3d_mtl import Col3DMTL, house_from_published, published_normals
+from col3d.models.col3d_mtl import Col3DMTL, published_normals, standard_from_published
 
 
-@pytest.fixture(scope="module", params=["house", "published"])
+@pytest.fixture(scope="module", params=["standard", "published"])
 def network(request: pytest.FixtureRequest) -> Col3DMTL:
     torch.manual_seed(0)
     return Col3DMTL("resnet18", width=64, heads=request.param).eval()
@@ -39,18 +39,18 @@ def test_heads_reach_the_whole_sphere() -> None:
     torch.testing.assert_close(normals[0, :, 5, 5], torch.tensor([0.6, 0.0, 0.8]))
 
 
-def test_published_normals_turn_to_house_axes() -> None:
+def test_published_normals_turn_to_standard_axes() -> None:
     raw = torch.tensor([1.0, 2.0, 3.0]).view(1, 3, 1, 1)
     x, y, z = published_normals(raw).flatten().tolist()
     assert (x, y, z) == pytest.approx((0.76159, 0.96403, 0.95257), abs=1e-5)
     length = (x * x + y * y + z * z) ** 0.5
-    assert house_from_published(raw).flatten().tolist() == pytest.approx(
+    assert standard_from_published(raw).flatten().tolist() == pytest.approx(
         (x / length, -y / length, -z / length)
     )
 
 
 def test_published_heads_always_face_the_camera() -> None:
-    assert (house_from_published(torch.randn(1, 3, 20, 20))[:, 2] < 0).all()
+    assert (standard_from_published(torch.randn(1, 3, 20, 20))[:, 2] < 0).all()
 
 
 def test_tasks_share_only_encoder_and_trunk(network: Col3DMTL) -> None:

@@ -10,7 +10,7 @@ from torch import Tensor, nn
 
 from col3d.models.monodepth_fpn import FeaturePyramid, MonoDepthFPN, enlarge_smoothly
 from col3d.models.published.monodepth_fpn import RULES, options
-from col3d.models.published.source import house_name
+from col3d.models.published.source import our_name
 
 
 @cache
@@ -59,7 +59,7 @@ def test_published_names_tell_the_options(encoder: str, width: int) -> None:
         state = MonoDepthFPN(encoder, width=width).state_dict()
     published = {published_name(name): value for name, value in state.items()}
     assert options(published) == {"encoder": encoder, "width": width}
-    assert [house_name(name, RULES) for name in published] == list(state)
+    assert [our_name(name, RULES) for name in published] == list(state)
 
 
 @needs_parity

@@ -10,7 +10,7 @@ from torch import Tensor, nn
 
 from col3d.models.newcrfs import NeWCRFs
 from col3d.models.published.newcrfs import RULES, UNUSED, options
-from col3d.models.published.source import house_name
+from col3d.models.published.source import our_name
 
 TINY = "swin_tiny_patch4_window7_224"
 
@@ -32,7 +32,7 @@ def group_norm(tensors: dict[str, Tensor]) -> dict[str, Tensor]:
 
 
 def load(network: nn.Module, tensors: dict[str, Tensor]) -> None:
-    network.load_state_dict({house_name(name, RULES): value for name, value in tensors.items()}, assign=True)
+    network.load_state_dict({our_name(name, RULES): value for name, value in tensors.items()}, assign=True)
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from col3d.layers.normal_decoder import enlarge
 from col3d.models import create
 from col3d.models.col3d_mtl import published_normals
 from col3d.models.published import SOURCES, _tensors, load_published, read_weights
-from col3d.models.published.source import house_name
+from col3d.models.published.source import our_name
 
 FAMILY = ["bts", "col3d_bts_cbam", "col3d_mtl_no_xtc", "col3d_mtl"]
 
@@ -40,8 +40,8 @@ def test_authors_numbers(source: str) -> None:
             assert_close(enlarge(maps[f"normal_decoder.normal{k}"], k), expected[f"normal{k}x{k}"], atol=1e-4)
         raw = torch.cat([maps[f"normal_decoder.head.{axis}"] for axis in "xyz"], dim=1)
         assert_close(published_normals(raw), expected["normal"], atol=1e-4)
-        house = expected["normal"] * torch.tensor([1.0, -1.0, -1.0])[:, None, None]
-        assert_close(prediction["normals"], house / house.norm(dim=1, keepdim=True), atol=1e-4)
+        standard = expected["normal"] * torch.tensor([1.0, -1.0, -1.0])[:, None, None]
+        assert_close(prediction["normals"], standard / standard.norm(dim=1, keepdim=True), atol=1e-4)
 
 
 @needs_parity
@@ -86,14 +86,14 @@ def test_the_depth_to_normal_module_in_its_pinhole() -> None:
     """
     expected, depth = published_numbers("col3d_mtl")["warped_normal"], published_numbers("col3d_mtl")["depth"]
     camera = PinholeCamera.c3vd_published((160, 192))
-    house = normals_from_depth(depth.double(), camera.rays().double(), differences="forward")
-    published = (house * torch.tensor([1.0, -1.0, -1.0])[:, None, None])[..., :-1, :-1].float()
+    standard = normals_from_depth(depth.double(), camera.rays().double(), differences="forward")
+    published = (standard * torch.tensor([1.0, -1.0, -1.0])[:, None, None])[..., :-1, :-1].float()
     assert_close(published, expected[..., :-1, :-1], atol=3.2e-4)
     assert (published - expected[..., :-1, :-1]).abs().quantile(0.95) < 1e-4
     assert_close(slipped_normals(depth.double()).float(), expected[..., :-1, :-1], atol=1e-6)
     assert_close(slipped_normals(depth.double(), right=True).float(), published, atol=2e-5)  # float32 rays
-    assert not house[..., -1, :].any()
-    assert not house[..., -1].any()
+    assert not standard[..., -1, :].any()
+    assert not standard[..., -1].any()
 
 
 def slipped_normals(depth: Tensor, right: bool = False) -> Tensor:
@@ -275,7 +275,7 @@ def test_unknown_source() -> None:
 
 
 @pytest.mark.parametrize(
-    ("published", "house"),
+    ("published", "standard"),
     [
         ("encoder.base_model.layer1.0.bn1.bias", "encoder.net.layer1.0.bn1.bias"),
         ("decoder.bn5.weight", "trunk.up16.norm.weight"),
@@ -284,5 +284,5 @@ def test_unknown_source() -> None:
         ("decoder.reduc8x8.reduc.plane_params.weight", "depth_decoder.plane8.reduction.out.weight"),
     ],
 )
-def test_names_of_bts(published: str, house: str) -> None:
-    assert house_name(published, SOURCES["bts"].rules) == house
+def test_names_of_bts(published: str, standard: str) -> None:
+    assert our_name(published, SOURCES["bts"].rules) == standard

@@ -154,8 +154,8 @@ def check_benchmark(text: str) -> None:
     assert low <= mean <= high
     over_frames, over_videos = numbers(r"mean over frames ([\d.]+), over videos ([\d.]+)", text)
     assert over_frames != over_videos
-    house, scaled = numbers(r"bts +Abs Rel +house +([\d.]+), median_scaled +([\d.]+)", text)
-    assert house != scaled
+    standard, scaled = numbers(r"bts +Abs Rel +standard +([\d.]+), median_scaled +([\d.]+)", text)
+    assert standard != scaled
 
 
 CHECKS = {

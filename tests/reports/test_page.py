@@ -117,9 +117,9 @@ def test_a_protocol_can_be_chosen(runs: Path, tmp_path: Path, capsys: pytest.Cap
     assert main([str(runs), str(tmp_path), "--protocol", "published"]) == 0
     text = (tmp_path / "report.md").read_text()
     assert "### odd" in text
-    assert "* bts_0: scored under protocol house, not published" in text
+    assert "* bts_0: scored under protocol standard, not published" in text
     assert main([str(runs), str(tmp_path), "--protocol", "native"]) == 2
-    expected = "error: --protocol: no run is scored under 'native'; there are house, published\n"
+    expected = "error: --protocol: no run is scored under 'native'; there are standard, published\n"
     assert capsys.readouterr().err == expected
 
 

@@ -27,7 +27,7 @@ def row(video: str, frame: int, **values: float) -> dict[str, str | int | float]
         "segment": "cecum",
         "texture": "1",
     }
-    return {**facts, "video": video, "frame": frame, "protocol": "house", **values}
+    return {**facts, "video": video, "frame": frame, "protocol": "standard", **values}
 
 
 def test_there_and_back_to_the_last_digit(tmp_path: Path) -> None:

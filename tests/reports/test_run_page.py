@@ -20,7 +20,7 @@ SUMMARY = {
     "split": "test",
     "split_name": "paper",
     "seed": 3,
-    "protocol": "house",
+    "protocol": "standard",
     "frames": 2,
     "parameters": 1234567,
     "metrics": SCORES,

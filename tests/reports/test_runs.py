@@ -111,7 +111,7 @@ def of_another_seed(folder: Path) -> None:
         (lambda folder: change_summary(folder, frames=25), r"has 24 frames, summary\.json says 25"),
         (
             lambda folder: change_summary(folder, protocol="native"),
-            r"has protocol house, summary\.json has nat",
+            r"has protocol standard, summary\.json has nat",
         ),
         (first_value("nan"), r"rmse is not finite in frame 3 of cecum_t2_a \(1 values in all\)"),
         (first_value("inf"), r"rmse is not finite in frame 3 of cecum_t2_a"),

@@ -11,7 +11,7 @@ from rich.console import Console
 from col3d.reports.per_frame import Row
 from col3d.reports.summary import print_summary, summarise, write_json
 
-FACTS = {"model": "bts", "data": "phantom", "split": "test", "seed": 3, "protocol": "house"}
+FACTS = {"model": "bts", "data": "phantom", "split": "test", "seed": 3, "protocol": "standard"}
 ROWS: list[Row] = [
     {"video": "cecum_t2_a", "frame": 0, "abs_rel": 0.1, "rmse": 1.0},
     {"video": "cecum_t2_a", "frame": 1, "abs_rel": 0.2, "rmse": 2.0},

@@ -241,7 +241,7 @@ def test_nothing_is_scored_on_nothing(own_frames: Path, tiny: Compose, tmp_path:
     without_depth(own_frames / "desc_t4_a")
     without_depth(own_frames / "trans_t1_a", 2)
     given = [f"checkpoint={tmp_path}/run/checkpoints/best.ckpt", "accelerator=cpu", "panels=0"]
-    for protocol in ("house", "published", "native"):
+    for protocol in ("standard", "published", "native"):
         with pytest.raises(UserError, match=r"^data\.split\.test: none of its 4 frames"):
             evaluate(composed("evaluate", *given, f"protocol={protocol}"))
 
@@ -249,7 +249,7 @@ def test_nothing_is_scored_on_nothing(own_frames: Path, tiny: Compose, tmp_path:
 @pytest.mark.parametrize("span", ["[100,0]", "[50,50]", "[99,1]"])
 def test_a_range_without_depths_is_refused(span: str, tiny: Compose, tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"^protocol\.truth_range: expected \[low,high\] with low below high"):
-        train(tiny(f"protocol.house.truth_range={span}"))
+        train(tiny(f"protocol.standard.truth_range={span}"))
     with pytest.raises(UserError, match=r"^data\.split\.test: .*within protocol\.truth_range="):
-        train(tiny(*QUICK, "protocol.house.truth_range=[99.5,99.9]"))
+        train(tiny(*QUICK, "protocol.standard.truth_range=[99.5,99.9]"))
     assert not (tmp_path / "run").exists()

@@ -150,7 +150,7 @@ def test_the_split_file_is_the_paper_s() -> None:
         (["++loss.terms.depth.term=berhuu"], ["loss.terms: 'berhuu' is unknown", "silog"]),
         (["++loss.terms.depth.tem=silog"], ["loss.terms.depth.tem: no such option"]),
         (["protocol=native"], ["protocol", "network's resolution", "got native"]),
-        (["protocol=[house,published]"], ["protocol", "one protocol", "house, published"]),
+        (["protocol=[standard,published]"], ["protocol", "one protocol", "standard, published"]),
         (["task=adversarial", "trainer.accumulate=2"], ["trainer.accumulate", "got 2"]),
         (
             ["task=adversarial", "trainer.precision=16-mixed", "trainer.gradient_clip=1.0"],

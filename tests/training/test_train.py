@@ -54,8 +54,8 @@ def test_every_model_trains_and_leaves_its_results(way: str, tiny: Compose, tmp_
         ("trans_t1_a", "2"),
     ]
     assert {(row["model"], row["segment"], row["protocol"]) for row in rows} == {
-        (model, "descending", "house"),
-        (model, "transverse", "house"),
+        (model, "descending", "standard"),
+        (model, "transverse", "standard"),
     }
     summary = json.loads((run / "summary.json").read_text())
     unseen = {name for name in OURS if name.startswith("far_")}  # no pixel is as far away

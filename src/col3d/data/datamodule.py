@@ -210,10 +210,10 @@ class FrameDataModule(LightningDataModule):
 
     def on_after_batch_transfer(self, batch: Any, dataloader_idx: int) -> Batch:
         """Decode, and augment training batches."""
-        house = self._decoded(batch)
+        standard = self._decoded(batch)
         if self.augment is None or self.trainer is None or not self.trainer.training:
-            return house
-        return self.augment(house, self.seed, self.trainer.current_epoch)
+            return standard
+        return self.augment(standard, self.seed, self.trainer.current_epoch)
 
     def frames_in_order(
         self, split: str, device: torch.device, limit: int | float | None = None

@@ -1,4 +1,4 @@
-"""Frames at a network's size: from the files, from several data sets, in codes or in house units."""
+"""Frames at a network's size: from the files, from several data sets, in codes or in standard units."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -37,7 +37,7 @@ class SizedFrames(Dataset[dict[str, Any]], ABC):
         return len(self.videos)
 
     def __getitem__(self, index: int) -> dict[str, Any]:
-        """A frame in house units: the keys of a `Batch` without its axis b."""
+        """A frame in standard units: the keys of a `Batch` without its axis b."""
         batch = decode(self.codes([index]), self.cameras)
         return {key: values[0] for key, values in batch.items()}  # type: ignore[index]
 
@@ -64,7 +64,7 @@ class Resized(SizedFrames):
 
 
 class WithMixedTruth(Dataset[dict[str, Any]]):
-    """A data set's frames, resized as published programs do it; in house units alone, for scoring."""
+    """A data set's frames, resized as published programs do it; in standard units alone, for scoring."""
 
     def __init__(self, frames: FrameSet, size_hw: tuple[int, int]) -> None:
         self.frames, self.resize = frames, Resize(size_hw, frames.camera, "mixed")

@@ -145,7 +145,7 @@ def _write(setup: EvaluationSetup, options: EvaluateOptions, results: Results) -
 def _folder(options: EvaluateOptions, protocol: str) -> Path:
     """Where the tables of a protocol go."""
     if options.output_dir is None:
-        return _run(options) / _name("evaluation", options, None if protocol == "house" else protocol)
+        return _run(options) / _name("evaluation", options, None if protocol == "standard" else protocol)
     folder = Path(options.output_dir)
     return folder if len(options.protocol) == 1 else folder / protocol
 

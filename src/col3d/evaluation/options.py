@@ -22,7 +22,7 @@ class ProtocolOptions(Options):
     truth_range: Annotated[list[NonNegative], Field(min_length=2, max_length=2)]
     scaling: Literal["none", "median", "scale_and_shift"]
     cosine_epsilon: NonNegative
-    normal_axes: Literal["house", "published"]
+    normal_axes: Literal["standard", "published"]
     average: Literal["frame", "video", "pixel"]
 
     @model_validator(mode="after")
@@ -43,7 +43,7 @@ def build_protocol(name: str, options: ProtocolOptions, metrics: MetricOptions) 
 
 
 Protocols = Annotated[dict[str, ProtocolOptions], Field(min_length=1)]
-"""By name: `protocol=house`, or `protocol=[house,published]` where several can be."""
+"""By name: `protocol=standard`, or `protocol=[standard,published]` where several can be."""
 
 
 class EvaluateOptions(Options):

@@ -1,4 +1,4 @@
-"""Cameras, rays, points and normals: the conventions of the house, once.
+"""Cameras, rays, points and normals: the conventions, once.
 
 * Camera axes: x right, y down, z forward (OpenCV); millimetres.
 * Pixels: the centre of the top-left one is (0, 0); a pixel is (u, v) = (column, row).

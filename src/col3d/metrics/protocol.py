@@ -20,9 +20,9 @@ Mask = Bool[Tensor, "b 1 h w"]
 
 @dataclass(frozen=True)
 class Protocol:
-    """How predictions are scored; the defaults are the house's."""
+    """How predictions are scored; the defaults are the standard one's."""
 
-    name: str = "house"
+    name: str = "standard"
     scaling: str = "none"
     """What is fitted to the truth of each frame first: "none", "median" (one factor, of the medians) or
     "scale_and_shift" (least squares)."""
@@ -30,14 +30,14 @@ class Protocol:
     """True depths in mm that count, both ends excluded."""
     cosine_epsilon: float = 0.0
     """Added to |p| |t| in the denominator of the cosine of normals; published code has 1e-3."""
-    normal_axes: str = "house"
-    """"house", or "published": y up, z out of the screen, and a true z below 0 cut to 0."""
+    normal_axes: str = "standard"
+    """"standard", or "published": y up, z out of the screen, and a true z below 0 cut to 0."""
     metrics: Options | None = None
     """Options of metrics, by their names."""
 
     def __post_init__(self) -> None:
         check_known("protocol.scaling", self.scaling, SCALINGS)
-        check_known("protocol.normal_axes", self.normal_axes, ("house", "published"))
+        check_known("protocol.normal_axes", self.normal_axes, ("standard", "published"))
 
     def score(
         self, prediction: Prediction, batch: Batch, validation: bool = False
@@ -99,7 +99,7 @@ SCALINGS: dict[str, Callable[[Tensor, Tensor, Tensor], Tensor]] = {
 
 
 def published_axes(normals: Float[Tensor, "b 3 h w"]) -> Float[Tensor, "b 3 h w"]:
-    """House normals with y up and z out of the screen."""
+    """Normals in standard axes with y up and z out of the screen."""
     return normals * normals.new_tensor([1.0, -1.0, -1.0])[:, None, None]
 
 

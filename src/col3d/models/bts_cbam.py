@@ -29,7 +29,7 @@ class PublishedFinestDepth(nn.Module):
 
 
 FINEST_DEPTH: dict[str, Callable[[int], nn.Module]] = {
-    "house": FinestDepth,
+    "standard": FinestDepth,
     "published": PublishedFinestDepth,
 }
 
@@ -49,7 +49,7 @@ class BTSCBAM(BTS):
         max_depth: upper bound of the depth in mm.
         pretrained: encoder weights: None, "imagenet" or the path of a file.
         width: F, which the decoder's sizes scale from; 512 is published, a multiple of 64.
-        heads: "house" or "published".
+        heads: "standard" or "published".
 
     References:
         Chavarrias Solano et al., Multi-task learning with cross-task consistency for improved depth
@@ -62,7 +62,7 @@ class BTSCBAM(BTS):
         max_depth: MaxDepth = 100.0,
         pretrained: str | None = None,
         width: Width = 512,
-        heads: str = "house",
+        heads: str = "standard",
     ) -> None:
         finest = FINEST_DEPTH[check_known("model.heads", heads, FINEST_DEPTH)]
         super().__init__(encoder, max_depth, pretrained, width, attention=CBAM, finest=finest)

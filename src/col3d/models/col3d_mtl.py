@@ -19,13 +19,13 @@ def published_normals(raw: Float[Tensor, "b 3 h w"]) -> Float[Tensor, "b 3 h w"]
     return torch.cat([raw[:, :2].tanh(), raw[:, 2:].sigmoid()], dim=1)
 
 
-def house_from_published(raw: Float[Tensor, "b 3 h w"]) -> Float[Tensor, "b 3 h w"]:
-    """Unit house normals (x right, y down, z forward, facing the camera) of the authors' last convolution."""
+def standard_from_published(raw: Float[Tensor, "b 3 h w"]) -> Float[Tensor, "b 3 h w"]:
+    """Unit normals in standard axes, facing the camera, of the authors' last convolution."""
     return unit(published_normals(raw) * raw.new_tensor([1.0, -1.0, -1.0]).view(1, 3, 1, 1))
 
 
 PUBLISHED = NormalFrame(
-    lambda two, _: cone_normals(two), lambda normals, _: normals, lambda raw, _: house_from_published(raw)
+    lambda two, _: cone_normals(two), lambda normals, _: normals, lambda raw, _: standard_from_published(raw)
 )
 
 
@@ -45,17 +45,17 @@ class Col3DMTL(BTSCBAM):
 
     Differs from the authors' code in these places besides those of `BTSCBAM`. Their normals have z in (0,
     1) and y up, as C3VD stored them before May 2023, and no unit length; here they are unit vectors in
-    house axes, anywhere on the sphere. Their UNC blocks measure the polar angle from +z over (0, pi / 3),
+    standard axes, anywhere on the sphere. Their UNC blocks measure the polar angle from +z over (0, pi / 3),
     here it is from -z over (0, pi). The last convolutions have biases here, and start at (0, 0, -1). What
     no output depends on is left out. `heads="published"` brings their angles and activations back, for
-    their weights; what is returned is in house axes all the same.
+    their weights; what is returned is in standard axes all the same.
 
     Args:
         encoder: name of a timm model with maps at /2 to /32.
         max_depth: upper bound of the depth in mm.
         pretrained: encoder weights: None, "imagenet" or the path of a file.
         width: F, which the decoders' sizes scale from; 512 is published, a multiple of 64.
-        heads: "house" or "published".
+        heads: "standard" or "published".
         normal_frame: "camera" or "ray"; see `DepthNetwork.add_normals`. Published heads are in the camera's.
 
     References:
@@ -69,7 +69,7 @@ class Col3DMTL(BTSCBAM):
         max_depth: MaxDepth = 100.0,
         pretrained: str | None = None,
         width: Width = 512,
-        heads: str = "house",
+        heads: str = "standard",
         normal_frame: str = "camera",
     ) -> None:
         super().__init__(encoder, max_depth, pretrained, width, heads)

@@ -14,8 +14,11 @@ TERMS = {
 WITHOUT_RELEASE = ("simcol3d", "folder")
 """Data sets of one release, which were told one all the same."""
 
+NAMES = {"house": "standard"}
+"""What choices were called: of protocols, of axes of normals, of heads."""
+
 ADDED: dict[str, Any] = {
-    "model.heads": "house",
+    "model.heads": "standard",
     "model.pyramid_norm": "group",
     **{
         f"optimizer.{name}": False
@@ -38,6 +41,10 @@ def updated(options: dict[str, Any]) -> dict[str, Any]:
     """
     if isinstance(data := options.get("data"), dict):
         options = {**options, "data": _data(data)}
+    if isinstance(model := options.get("model"), dict) and model.get("heads") in NAMES:
+        options = {**options, "model": {**model, "heads": NAMES[model["heads"]]}}
+    if isinstance(protocols := options.get("protocol"), dict):
+        options = {**options, "protocol": _protocols(protocols)}
     options = _with_loggers(options)
     loss = options.get("loss")
     if not isinstance(loss, dict) or "terms" in loss or not isinstance(loss.get("depth"), str):
@@ -52,6 +59,20 @@ def updated(options: dict[str, Any]) -> dict[str, Any]:
     for name, epoch in zip(terms, loss.get("from_epoch") or (), strict=False):
         terms[name]["from_epoch"] = epoch
     return {**options, "loss": {"lambdas": loss.get("lambdas"), "terms": terms}}
+
+
+def _protocols(given: dict[str, Any]) -> dict[str, Any]:
+    """Protocols by today's names.
+
+    >>> _protocols({"house": {"normal_axes": "house", "scaling": "none"}})
+    {'standard': {'normal_axes': 'standard', 'scaling': 'none'}}
+    """
+    return {
+        NAMES.get(name, name): {key: NAMES.get(str(value), value) for key, value in own.items()}
+        if isinstance(own, dict)
+        else own
+        for name, own in given.items()
+    }
 
 
 def _data(options: dict[str, Any]) -> dict[str, Any]:

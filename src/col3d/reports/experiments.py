@@ -117,7 +117,7 @@ def _experiment(name: str, runs: Sequence[Run]) -> Experiment | None:
             len(by_setting[setting]),
             setting.part == SPLIT_PARTS[name],
             all_settings.count(setting),
-            setting.protocol == "house",
+            setting.protocol == "standard",
             setting.named,
         ),
     )

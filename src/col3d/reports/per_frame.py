@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from col3d.io.atomic import write_whole
+from col3d.registry.earlier import NAMES
 from col3d.registry.metric_specs import OURS, MetricSpec
 
 AVERAGES = ("frame", "video", "pixel")
@@ -45,7 +46,7 @@ def read_per_frame(path: Path) -> list[dict[str, str]]:
         missing = [name for name in IDENTITY if name not in (reader.fieldnames or ())]
         if missing:
             raise ValueError(f"{path}: columns {', '.join(missing)} are missing")
-        return list(reader)
+        return [{**row, "protocol": NAMES.get(row["protocol"], row["protocol"])} for row in reader]
 
 
 def metrics_in(rows: Iterable[Row]) -> list[str]:

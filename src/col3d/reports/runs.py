@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from col3d.registry.earlier import updated
+from col3d.registry.earlier import NAMES, updated
 from col3d.registry.metric_specs import MetricSpec, unknown
 from col3d.reports.per_frame import PIXELS, metrics_in, read_per_frame
 from col3d.reports.shapes import misfit
@@ -139,7 +139,7 @@ def _summary(path: Path) -> dict[str, Any]:
         raise _UnusableError(f"{SUMMARY} lacks {', '.join(missing)}")
     if wrong := misfit(SUMMARY, summary):
         raise _UnusableError(f"{SUMMARY} is broken: {wrong}")
-    return dict(summary)
+    return {**summary, "protocol": NAMES.get(str(summary["protocol"]), summary["protocol"])}
 
 
 def _frames(path: Path, summary: dict[str, Any]) -> Frames:

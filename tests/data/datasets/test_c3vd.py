@@ -13,7 +13,7 @@ from torch.utils.data import default_collate
 from col3d.batch import Batch
 from col3d.data.datasets.c3vd import C3VD
 from col3d.data.datasets.octagon import octagon_mask
-from col3d.data.datasets.release import camera_to_world, disagreement, house_normals
+from col3d.data.datasets.release import camera_to_world, disagreement, standard_normals
 from col3d.data.files.image_files import read_grey, read_rgb
 from col3d.errors import DataError
 from col3d.geometry import OmnidirectionalCamera, PinholeCamera, angle_between
@@ -25,7 +25,7 @@ needs_sample = pytest.mark.skipif(SAMPLE is None, reason="COL3D_C3VD_SAMPLE name
 
 @pytest.mark.parametrize("release", ["current", "pre_2023_05"])
 @pytest.mark.parametrize("asked", ["auto", "same"])
-def test_both_releases_give_the_house_normals(write_video, look, lens, release: str, asked: str) -> None:
+def test_both_releases_give_the_standard_normals(write_video, look, lens, release: str, asked: str) -> None:
     root = write_video(release=release)
     frames = C3VD(root, ["cecum_t1_a"], release=release if asked == "same" else "auto", camera=lens)
     assert frames.releases == {"cecum_t1_a": release}
@@ -349,12 +349,12 @@ def test_normals_at_the_ends_of_their_codes() -> None:
     ):
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            found = house_normals(codes, release)
+            found = standard_normals(codes, release)
         angles = angle_between(found.double(), torch.from_numpy(normals).permute(2, 0, 1))
         assert angles.max() < largest
         assert angles.median() < 5e-3
-    assert (house_normals(np.zeros((2, 2, 3), np.uint16), "current") == 0).all()
-    assert (house_normals(np.zeros((2, 2, 3), np.uint16), "pre_2023_05") == 0).all()
+    assert (standard_normals(np.zeros((2, 2, 3), np.uint16), "current") == 0).all()
+    assert (standard_normals(np.zeros((2, 2, 3), np.uint16), "pre_2023_05") == 0).all()
 
 
 def test_occlusion_is_read_where_it_is_stored(write_video, lens) -> None:

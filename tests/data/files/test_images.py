@@ -13,7 +13,7 @@ import pytest
 from PIL import Image
 
 from col3d.data.ahead import ahead
-from col3d.data.datasets.release import house_normals
+from col3d.data.datasets.release import standard_normals
 from col3d.data.files.encode import depth_codes, normal_codes, write_tiff
 from col3d.data.files.image_files import read_grey, read_rgb
 from col3d.data.files.images import image_source, read_image
@@ -129,7 +129,7 @@ def test_codes_are_those_of_the_current_release(tmp_path: Path) -> None:
     write_tiff(tmp_path / "n.tiff", normal_codes(normals))
     write_tiff(tmp_path / "d.tiff", np.arange(24, dtype=np.uint16).reshape(4, 6))
     assert (read_grey(tmp_path / "d.tiff", (4, 6), np.uint16) == np.arange(24).reshape(4, 6)).all()
-    back = house_normals(read_rgb(tmp_path / "n.tiff", (4, 6), np.uint16), "current").permute(1, 2, 0)
+    back = standard_normals(read_rgb(tmp_path / "n.tiff", (4, 6), np.uint16), "current").permute(1, 2, 0)
     assert np.abs(back.numpy() - normals).max() < 1e-4
 
 

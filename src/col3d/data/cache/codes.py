@@ -66,7 +66,7 @@ def encode(item: dict[str, Any], max_depth: float) -> dict[str, Tensor]:
 
 
 def decode(codes: QuantizedBatch, cameras: Sequence[Camera]) -> Batch:
-    """House units on the device of the codes.
+    """Standard units on the device of the codes.
 
     Args:
         codes: frames.

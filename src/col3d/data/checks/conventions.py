@@ -35,7 +35,7 @@ class Convention:
     Attributes:
         camera: whose normals of the depth they are.
         clipped: the channel whose negative values are cut off.
-        channels: what red, green and blue hold, in house axes.
+        channels: what red, green and blue hold, in standard axes.
     """
 
     camera: str

@@ -27,7 +27,7 @@ from col3d.data.datasets.release import (
     RELEASES,
     camera_to_world,
     disagreement,
-    house_normals,
+    standard_normals,
 )
 from col3d.data.datasets.videos import canonical_name, catalogue
 from col3d.data.files.image_files import read_grey, read_rgb
@@ -209,8 +209,8 @@ class C3VD(FrameSet):
         return octagon_mask(self.camera.size_hw)
 
     def stored_normals(self, frame: Frame, take: Take) -> Tensor:
-        """Unit normals (3, h, w) in house axes; the zero vector where none is stored."""
-        return house_normals(self.normal_codes(frame, take), self.releases[frame.video])
+        """Unit normals (3, h, w) in standard axes; the zero vector where none is stored."""
+        return standard_normals(self.normal_codes(frame, take), self.releases[frame.video])
 
     def normal_codes(self, frame: Frame, take: Take = everywhere) -> np.ndarray:
         """Normals (h, w, 3) as they are stored."""

@@ -35,7 +35,7 @@ def too_deep(root: Path, video: str) -> str:
 
 
 class FolderFrames(FrameSet):
-    """Frames of one folder for each video, in house units; see `FrameSet`.
+    """Frames of one folder for each video, in standard units; see `FrameSet`.
 
     Args:
         root: folder of the folders of videos; it holds the camera's file.

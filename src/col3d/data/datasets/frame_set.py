@@ -1,4 +1,4 @@
-"""What all data sets share: finding the files of frames, and items decoded to house units."""
+"""What all data sets share: finding the files of frames, and items decoded to standard units."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -43,7 +43,7 @@ class Depth:
 
 
 class FrameSet(Dataset[dict[str, Any]], ABC):
-    """Frames of chosen videos at full resolution, in house units: the keys of a `Batch` without its axis b.
+    """Frames of chosen videos at full resolution, in standard units: the keys of a `Batch` less its axis b.
 
     Every file's header and length is checked when the set is built.
 
@@ -219,7 +219,7 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
         return depth
 
     def stored_normals(self, frame: Frame, take: Take) -> Tensor:
-        """Unit normals (3, h, w) in house axes; the zero vector where none is stored.
+        """Unit normals (3, h, w) in standard axes; the zero vector where none is stored.
 
         Only data sets that store normals, with `normals` among their `kinds`, implement it.
         """

@@ -22,8 +22,8 @@ AGREEMENT = 25.0
 """Median angle in degrees beyond which stored normals do not belong to the depth."""
 
 
-def house_normals(codes: np.ndarray, release: str) -> Float[Tensor, "3 h w"]:
-    """Unit normals in house axes from 16-bit codes of shape (h, w, 3); the zero vector where none is stored.
+def standard_normals(codes: np.ndarray, release: str) -> Float[Tensor, "3 h w"]:
+    """Unit normals in standard axes from 16-bit codes (h, w, 3); the zero vector where none is stored.
 
     The current release stores (n + 1) / 2 in axes x right, y down, z into the scene. The one before May 2023
     stores x and y (up) in the same way and z (out of the scene) in 0..1 with negative values clipped to 0;
@@ -74,7 +74,7 @@ def disagreement(
     derived = normals_from_depth(avg_pool2d(depth[None], block), of_blocks.rays(), whole)
     found = {}
     for release in RELEASES:
-        stored = unit(avg_pool2d(house_normals(codes, release)[None], block))
+        stored = unit(avg_pool2d(standard_normals(codes, release)[None], block))
         angles = angle_between(stored, derived)[whole & (derived != 0).any(dim=1, keepdim=True)]
         found[release] = angles.median().item() if angles.numel() else float("nan")
     return found

@@ -29,7 +29,7 @@ def depth_codes(
 def normal_codes(
     normals: Float[np.ndarray, "h w 3"], mask: Bool[np.ndarray, "h w"] | None = None
 ) -> UInt16[np.ndarray, "h w 3"]:
-    """Codes (n + 1) / 2 * 65535 in house axes, which are the current release's; 0 outside the mask."""
+    """Codes (n + 1) / 2 * 65535 in standard axes, which are the current release's; 0 outside the mask."""
     codes = np.rint((normals + 1) * (FULL_CODE / 2)).clip(0, FULL_CODE).astype(np.uint16)
     return codes if mask is None else codes * mask[..., None]
 

@@ -22,7 +22,7 @@ from col3d.models.published.bts_family import (
 )
 from col3d.models.published.monodepth_fpn import MONODEPTH_FPN_WEIGHTS
 from col3d.models.published.newcrfs import NEWCRFS_WEIGHTS
-from col3d.models.published.source import Source, house_name
+from col3d.models.published.source import Source, our_name
 
 SOURCES: dict[str, Source] = {
     "bts": BTS_WEIGHTS,
@@ -53,7 +53,7 @@ def load_published(
     state_dict: Mapping[str, Any],
     max_depth: float = 100.0,
 ) -> DepthNetwork:
-    """A network with the authors' weights, in evaluation mode; its prediction is in house units.
+    """A network with the authors' weights, in evaluation mode; its prediction is in standard units.
 
     Encoder and width follow from the shapes of the tensors.
 
@@ -79,8 +79,8 @@ def load_published(
     _check_method(source, tensors)
     network = known.network(max_depth=max_depth, **known.options(tensors))
     skipped = [name for name in tensors if re.search(known.unused, name)]
-    published = {house_name(name, known.rules): name for name in tensors if name not in skipped}
-    fitted = {house: tensors[name] for house, name in published.items()}
+    published = {our_name(name, known.rules): name for name in tensors if name not in skipped}
+    fitted = {standard: tensors[name] for standard, name in published.items()}
     skipped += [f"{published[name]}[2]" for name in known.adapt(fitted)]
     _fill(network, fitted, published)
     network.skipped_names = tuple(skipped)

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from col3d.models.monodepth_fpn import MonoDepthFPN
 from col3d.models.published.resnets import resnet_name
-from col3d.models.published.source import Rules, Source, channels_of, house_name
+from col3d.models.published.source import Rules, Source, channels_of, our_name
 
 RULES: Rules = {
     r"^layer0\.0\.": "encoder.net.conv1.",
@@ -38,7 +38,7 @@ def options(tensors: Mapping[str, Tensor]) -> dict[str, Any]:
     Raises:
         ValueError: the encoder is no ResNet, or there is no pyramid.
     """
-    renamed = {house_name(name, RULES): tensor for name, tensor in tensors.items()}
+    renamed = {our_name(name, RULES): tensor for name, tensor in tensors.items()}
     return {
         "encoder": resnet_name(renamed, r"^encoder\.net\."),
         "width": 2 * channels_of(tensors, r"^smooth1\.weight$"),

@@ -34,10 +34,10 @@ class Source:
     """Whether the program normalises images with ImageNet's mean; else they are RGB in [0, 1] as they are."""
 
 
-def house_name(name: str, rules: Rules) -> str:
+def our_name(name: str, rules: Rules) -> str:
     """A published name in this package's terms.
 
-    >>> house_name("decoder.bn5.weight", {r"^decoder.bn5": "trunk.up16.norm"})
+    >>> our_name("decoder.bn5.weight", {r"^decoder.bn5": "trunk.up16.norm"})
     'trunk.up16.norm.weight'
     """
     for pattern, replacement in rules.items():
