@@ -52,6 +52,13 @@ def colons(*bounds: Any) -> list[str]:
     return [name for first, last in pairs for name in seeded_videos(first, last)]
 
 
+def without(kind: str, value: Any, part: str) -> list[str]:
+    """A part of the split that leaves a segment or a texture out: `${leave_out:segment,cecum,train}`."""
+    from col3d.data.splits import leave_out
+
+    return leave_out(kind, str(value))[part]
+
+
 def drawn(randomise: Any) -> str:
     """What a phantom's folder is called after, by what its videos draw anew."""
     if not isinstance(randomise, bool | ListConfig):
@@ -64,6 +71,7 @@ def drawn(randomise: Any) -> str:
 
 OmegaConf.register_new_resolver("colons", colons, replace=True)
 OmegaConf.register_new_resolver("drawn", drawn, replace=True)
+OmegaConf.register_new_resolver("leave_out", without, replace=True)
 OmegaConf.register_new_resolver("size_of", size_of, replace=True)
 OmegaConf.register_new_resolver("slug", slug, replace=True)
 OmegaConf.register_new_resolver("by_preset", by_preset, replace=True)
