@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 import yaml
 
+from col3d.io.json_files import write_json
 from col3d.registry.metric_specs import PAPER_DEPTH, PAPER_NORMALS
 from col3d.reports.paper_tables import methods
 from col3d.reports.per_frame import write_per_frame
-from col3d.reports.summary import summarise, write_json
+from col3d.reports.summary import summarise
 
 DEPTH_METRICS = tuple(spec.name for spec in PAPER_DEPTH)
 NORMAL_METRICS = tuple(spec.name for spec in PAPER_NORMALS)

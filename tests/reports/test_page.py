@@ -10,7 +10,7 @@ from fake_runs import change_summary, write_paper, write_run
 
 from col3d.reports import figures
 from col3d.reports.__main__ import main
-from col3d.reports.page import data_uri
+from col3d.reports.templating import data_uri
 
 PIXEL = bytes.fromhex(
     "89504e470d0a1a0a0000000d49484452000000010000000108000000003a7e9b550000000a49444154789c6360000000020001"
@@ -119,7 +119,7 @@ def test_a_protocol_can_be_chosen(runs: Path, tmp_path: Path, capsys: pytest.Cap
     assert "### odd" in text
     assert "* bts_0: scored under protocol standard, not published" in text
     assert main([str(runs), str(tmp_path), "--protocol", "native"]) == 2
-    expected = "error: --protocol: no run is scored under 'native'; there are standard, published\n"
+    expected = "error: --protocol: no run is scored under 'native'; there are published, standard\n"
     assert capsys.readouterr().err == expected
 
 

@@ -8,8 +8,9 @@ import pytest
 from fake_runs import DEPTH_METRICS, METRICS
 from rich.console import Console
 
+from col3d.io.json_files import write_json
 from col3d.reports.per_frame import Row
-from col3d.reports.summary import print_summary, summarise, write_json
+from col3d.reports.summary import print_summary, summarise
 
 FACTS = {"model": "bts", "data": "phantom", "split": "test", "seed": 3, "protocol": "standard"}
 ROWS: list[Row] = [

@@ -13,10 +13,11 @@ from col3d.data.datasets.videos import describe
 from col3d.evaluation.panels import ImagePanels
 from col3d.evaluation.per_frame_table import PerFrameTable
 from col3d.evaluation.scored_part import Scored
+from col3d.io.json_files import write_json
 from col3d.registry import MODELS
 from col3d.reports.per_frame import means
 from col3d.reports.run_page import PAGE
-from col3d.reports.summary import print_summary, summarise, write_json
+from col3d.reports.summary import print_summary, summarise
 from col3d.runs.provenance import provenance
 
 Facts = dict[str, str | int]

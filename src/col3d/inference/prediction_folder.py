@@ -23,10 +23,10 @@ from col3d.inference.options import PredictOptions
 from col3d.inference.predicted_frame import Clouds, CodeFiles, Pictures, Predicted
 from col3d.inference.predictor import Predictor
 from col3d.io.atomic import write_whole
+from col3d.io.json_files import write_json
 from col3d.io.ownership import Owned
 from col3d.metrics.functional.flicker import temporal_flicker
 from col3d.reports.over_time import draw_over_time
-from col3d.reports.summary import write_json
 from col3d.reports.video import VideoWriter
 from col3d.runs.decorations import Decorations
 from col3d.runs.provenance import provenance

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from col3d.io.json_files import write_json
 from col3d.io.ownership import Owned
 from col3d.reports.shapes import read_object
-from col3d.reports.summary import write_json
 
 STATUS, RESULT, LOCK, PLAN = "status.json", "result.json", ".lock", "sweep.json"
 TRAINING = "training"

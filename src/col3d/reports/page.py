@@ -1,7 +1,5 @@
 """The report: one HTML page that needs nothing beside it, the same as Markdown, and each table as files."""
 
-import base64
-import mimetypes
 import platform
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from col3d.io.atomic import write_whole
 from col3d.reports import render
@@ -18,7 +15,8 @@ from col3d.reports.compose import PHANTOM, difference_tables, further_table, mai
 from col3d.reports.experiments import Experiment
 from col3d.reports.places import command_without_places, last_name, without_places
 from col3d.reports.runs import Found, Run
-from col3d.reports.tables import Table, marks
+from col3d.reports.tables import Table
+from col3d.reports.templating import filled
 
 NOT_RECORDED = "not recorded"
 PAGES = ("report.html", "report.md")
@@ -86,7 +84,7 @@ def write_report(
     }
     written = _write_tables(out / "tables", tables)
     for name in PAGES:
-        text = environment(name).get_template(f"{name}.j2").render(facts)
+        text = filled(name, facts)
         write_whole(out / name, text)
     return [*(out / name for name in PAGES), *written, *(picture.path for picture in pictures)]
 
@@ -110,35 +108,6 @@ def names_of(experiments: Sequence[Experiment]) -> list[str]:
     """What `write_report` writes into its folder, beside the pictures."""
     tables = [f"tables/{table.name}.{ending}" for table in tables_of(experiments) for ending in FORMATS]
     return [*PAGES, *tables]
-
-
-def environment(name: str) -> Environment:
-    """Templates with what they call; HTML is escaped, Markdown is not."""
-    found = Environment(
-        loader=PackageLoader("col3d.reports"),
-        autoescape=name.endswith(".html"),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    found.globals |= {
-        "heading": render.heading,
-        "number": render.number,
-        "interval": render.interval,
-        "paper": render.paper,
-        "markdown": render.markdown,
-        "as_text": render.as_text,
-        "as_code": render.as_code,
-        "marks": marks,
-        "data_uri": data_uri,
-    }
-    return found
-
-
-def data_uri(path: Path) -> str:
-    """A picture as text that stands in the page itself."""
-    kind = mimetypes.guess_type(path.name)[0] or "application/octet-stream"
-    return f"data:{kind};base64,{base64.b64encode(path.read_bytes()).decode('ascii')}"
 
 
 def _facts(run: Run) -> dict[str, Any]:

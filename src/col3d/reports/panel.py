@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from col3d.io.atomic import whole_file
+from col3d.reports.colours import GREY, colours_of_normals
 
 Maps = Mapping[str, np.ndarray]
 """image (h, w, 3) in [0, 1]; depth, depth_pred (h, w) in mm; mask (h, w); normals, normals_pred (h, w, 3)."""
 DEPTH_COLOURS, ERROR_COLOURS = "viridis", "magma"
 LARGEST_ANGLE = 45.0
-GREY = 0.8
 
 
 def save_panel(path: Path, maps: Maps, title: str) -> None:
@@ -53,14 +53,14 @@ def _normal_row(figure, axes, maps: Maps) -> None:  # type: ignore[no-untyped-de
     mask = maps["mask"]
     axes[1].set_title("normals, prediction" if "normals" not in maps else "normals, truth")
     if "normals" in maps:
-        axes[1].imshow(_as_colours(maps["normals"], mask))
+        axes[1].imshow(colours_of_normals(maps["normals"], mask))
         shown = axes[3].imshow(
             _masked(maps["angle"], mask), cmap=_colours(ERROR_COLOURS), vmin=0, vmax=LARGEST_ANGLE
         )
         axes[3].set_title("angular error")
         figure.colorbar(shown, ax=axes[3], label="degrees", extend="max", shrink=0.85)
     prediction = axes[2] if "normals" in maps else axes[1]
-    prediction.imshow(_as_colours(maps["normals_pred"], mask))
+    prediction.imshow(colours_of_normals(maps["normals_pred"], mask))
     axes[2].set_title("normals, prediction" if "normals" in maps else "")
     axes[0].text(
         0.5,
@@ -80,9 +80,3 @@ def _colours(name: str):  # type: ignore[no-untyped-def]
 
 def _masked(values: np.ndarray, mask: np.ndarray) -> np.ndarray:
     return np.ma.masked_where(~mask, values)
-
-
-def _as_colours(normals: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """X to red, -y to green, -z to blue, each from [-1, 1] to [0, 1]; grey where nothing counts."""
-    colours = (normals * np.array([1.0, -1.0, -1.0]) + 1) / 2
-    return np.where(mask[..., None], colours.clip(0, 1), GREY)

@@ -8,6 +8,8 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 from PIL import Image, ImageDraw, ImageFont
 
+from col3d.reports.colours import NORMAL_AXES
+
 Pixels = UInt8[np.ndarray, "h w 3"]
 GREY, INK, PAPER = 204, (20, 20, 20), (255, 255, 255)
 TITLE, GAP, BAR, LABELS = 30, 8, 16, 62
@@ -39,7 +41,7 @@ def normals_picture(
     normals: Float[np.ndarray, "h w 3"], mask: Bool[np.ndarray, "h w"] | None = None
 ) -> Pixels:
     """X to red, -y to green, -z to blue, each from [-1, 1] to [0, 255]; grey outside the mask."""
-    shown = (normals * np.array([127.5, -127.5, -127.5], np.float32) + 127.5).clip(0, 255)
+    shown = (normals * (127.5 * NORMAL_AXES).astype(np.float32) + 127.5).clip(0, 255)
     return _masked(shown.astype(np.uint8), mask)
 
 

@@ -20,12 +20,12 @@ from col3d.reports.figures.material import Method
 from col3d.reports.figures.style import BLACK, Style
 from col3d.reports.figures.training_curves import curves, draw_methods
 from col3d.reports.jobs import TRAINING
-from col3d.reports.page import data_uri, environment
 from col3d.reports.places import command_without_places, without_places
 from col3d.reports.runs import Run
 from col3d.reports.scenes import Scene, read_frame
 from col3d.reports.shapes import read_object
 from col3d.reports.summary import on_screen, rows_of
+from col3d.reports.templating import data_uri, filled
 
 PAGE = "run.html"
 
@@ -71,8 +71,7 @@ def _name_below(folder: Path, path: Path) -> str:
 
 def write_page(path: Path, template: str, facts: dict[str, Any]) -> Path:
     """Fill a template, and write the page in one step."""
-    text = environment(template).get_template(f"{template}.j2").render(facts)
-    write_whole(path, text)
+    write_whole(path, filled(template, facts))
     return path
 
 

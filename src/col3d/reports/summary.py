@@ -1,9 +1,6 @@
 """`summary.json` of a run, and the same as a table on screen."""
 
-import json
-import math
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 from rich.box import SIMPLE_HEAD
@@ -11,7 +8,6 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from col3d.io.atomic import write_whole
 from col3d.registry.metric_specs import OURS, TASKS, MetricSpec, specs_from
 from col3d.reports.per_frame import Row, by_video, means, metrics_in
 from col3d.reports.screen import plain_console
@@ -58,19 +54,6 @@ def on_screen(summary: Mapping[str, Any]) -> dict[str, list[MetricSpec]]:
         for task, of_task in tables.items()
         if task == TASKS[0] or any(spec.name in summary["metrics"] for spec in of_task)
     }
-
-
-def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write in one step; what is not a finite number becomes null."""
-    write_whole(path, json.dumps(_finite(content), indent=2, allow_nan=False) + "\n")
-
-
-def _finite(content: Any) -> Any:
-    if isinstance(content, Mapping):
-        return {key: _finite(value) for key, value in content.items()}
-    if isinstance(content, list | tuple):
-        return [_finite(value) for value in content]
-    return None if isinstance(content, float) and not math.isfinite(content) else content
 
 
 def print_summary(summary: Mapping[str, Any], console: Console | None = None) -> None:

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from PIL import Image, ImageDraw
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
@@ -20,6 +19,7 @@ from col3d.io.atomic import write_whole
 from col3d.reports.places import without_places
 from col3d.reports.screen import plain_console
 from col3d.reports.summary import LOG_WIDTH
+from col3d.reports.templating import filled
 
 HEADINGS = (
     "video",
@@ -173,24 +173,17 @@ def write_page(path: Path, facts: Mapping[str, Any], pictures: Sequence[Picture]
         facts: as `verify.json` has them.
         pictures: of what is wrong, and healthy ones.
     """
-    environment = Environment(
-        loader=PackageLoader("col3d.reports"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.globals |= {"cells": cells, "strip": strip, "without_places": without_places}
     facts = without_places(facts)
-    text = environment.get_template("verify.html.j2").render(
-        facts=facts,
-        title=_title(facts),
-        headings=HEADINGS,
-        texts=TEXTS,
-        lines=list(finding_lines(facts["findings"])),
-        broken=[picture for picture in pictures if picture.lines],
-        healthy=[picture for picture in pictures if not picture.lines],
-    )
+    shown = {
+        "facts": facts,
+        "title": _title(facts),
+        "headings": HEADINGS,
+        "texts": TEXTS,
+        "lines": list(finding_lines(facts["findings"])),
+        "broken": [picture for picture in pictures if picture.lines],
+        "healthy": [picture for picture in pictures if not picture.lines],
+    }
+    text = filled("verify.html", shown, cells=cells, strip=strip, without_places=without_places)
     write_whole(path, text)
 
 

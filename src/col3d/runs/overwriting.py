@@ -4,9 +4,9 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
+from col3d.io.json_files import write_json
 from col3d.io.ownership import Owned
 from col3d.reports.jobs import RESULT, read_plain
-from col3d.reports.summary import write_json
 
 RECORD = ".overwrite.json"
 """In the folder of the runs: by their names, the finished runs that are replaced."""

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from col3d.errors import RunLockedError
+from col3d.io.json_files import write_json
 from col3d.reports.jobs import LOCK, STATUS, read_plain
-from col3d.reports.summary import write_json
 from col3d.runs.provenance import command
 from col3d.runs.rank import is_first
 from col3d.signals import Stopped

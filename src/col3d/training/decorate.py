@@ -11,9 +11,10 @@ from col3d.errors import UserError
 from col3d.evaluation.results import SUMMARY, Results, facts_of
 from col3d.evaluation.scored_part import Scored
 from col3d.inference.trained_network import TrainedNetwork
+from col3d.io.json_files import write_json
 from col3d.reports.jobs import read_plain
 from col3d.reports.run_page import PAGE, write_run_page
-from col3d.reports.summary import print_summary, write_json
+from col3d.reports.summary import print_summary
 from col3d.runs.checkpoints import DamagedError, read_checkpoint
 from col3d.runs.decorations import Decorations
 from col3d.runs.environment import device_for

@@ -22,11 +22,11 @@ from col3d.inference.fusion.video import video_of
 from col3d.inference.options import FuseOptions, PoseOptions
 from col3d.inference.predictor import Predictor, load_predictor
 from col3d.inference.trained_network import SIZE
+from col3d.io.json_files import write_json
 from col3d.io.ownership import Owned
 from col3d.registry.refusals import check_options
 from col3d.reports.fusion import print_fusion, write_fusion_page
 from col3d.reports.scenes import Cloud, Scene, error_colours, thinned
-from col3d.reports.summary import write_json
 from col3d.runs.environment import check_accelerator, quiet
 from col3d.runs.known_failures import as_user_errors
 from col3d.runs.provenance import provenance

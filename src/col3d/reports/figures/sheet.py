@@ -9,8 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 
+from col3d.reports.colours import colours_of_normals
 from col3d.reports.figures.figure import blank
-from col3d.reports.figures.style import FRAME_ASPECT, QUANTITIES, ball, colours_of_normals
+from col3d.reports.figures.style import FRAME_ASPECT, QUANTITIES, ball
 
 WIDTH, WIDEST_CELL, BARS = 11.5, 2.7, 0.85
 """Inches: the widest sheet and cell, and the height of the strip of colour bars."""

@@ -9,7 +9,8 @@ import numpy as np
 from matplotlib import colormaps
 from matplotlib.colors import Colormap
 
-GREY = 0.8
+from col3d.reports.colours import GREY, colours_of_normals
+
 FRAME_ASPECT = 1080 / 1350
 """Height by width of the frames; networks see them squeezed."""
 BLACK, ORANGE, SKY, GREEN, BLUE, VERMILLION, PURPLE, DARK = (
@@ -98,12 +99,6 @@ def styles_of(looks: Mapping[str, Look]) -> dict[str, Style]:
 
 def _is_named(label: str, look: Look) -> bool:
     return label.removesuffix(" (L1)").removesuffix(" (L2)") == look.network
-
-
-def colours_of_normals(normals: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """X to red, -y to green, -z to blue, each from [-1, 1] to [0, 1]; grey where nothing counts."""
-    colours = (normals * np.array([1.0, -1.0, -1.0]) + 1) / 2
-    return np.where(mask[..., None], colours.clip(0, 1), GREY)
 
 
 def ball(size: int = 120) -> np.ndarray:
