@@ -1,8 +1,10 @@
 .DEFAULT_GOAL := help
-.PHONY: help setup system phantom train app benchmark speed test test-slurm lint format docs clean
+.PHONY: help setup system phantom train app benchmark speed test test-all test-slurm lint format docs clean
 
 PYTHON ?= python3
 BIN := .venv/bin
+CORE := .venv/.core
+DEMO := .venv/.demo
 READY := .venv/.ready
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 ARGS ?=
@@ -13,7 +15,7 @@ ROOT ?=
 help:  ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
 
-$(READY): pyproject.toml constraints.txt locks/dev.txt
+$(CORE): pyproject.toml constraints.txt locks/train.txt
 	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(None if v >= (3, 11) else f"col3d needs Python 3.11 or newer, but $(PYTHON) is {v[0]}.{v[1]}; say make PYTHON=python3.12")'
 	$(PYTHON) -m venv .venv
 ifdef TORCH_INDEX
@@ -21,37 +23,52 @@ ifdef TORCH_INDEX
 endif
 ifdef LOCKED
 	$(PIP) install --require-hashes --no-deps -r locks/build.txt
-	$(PIP) install --require-hashes --no-deps --no-build-isolation -r locks/dev.txt
+	$(PIP) install --require-hashes --no-deps --no-build-isolation -r locks/train.txt
 	$(PIP) install --no-deps --no-build-isolation -e .
+else
+	$(PIP) install -c constraints.txt -e .
+endif
+	@touch $@
+
+$(DEMO): $(CORE)
+	$(PIP) install -c constraints.txt -e '.[demo]'
+	@touch $@
+
+$(READY): $(CORE) locks/dev.txt
+ifdef LOCKED
+	$(PIP) install --require-hashes --no-deps --no-build-isolation -r locks/dev.txt
 else
 	$(PIP) install -c constraints.txt -e '.[dev]'
 endif
 	@touch $@
 
-setup: $(READY)  ## Create .venv with the versions of constraints.txt (LOCKED=1 checks the hash of each file)
+setup: $(READY)  ## Create .venv with everything, in the versions of constraints.txt (LOCKED=1 checks the hash of each file)
 
 system:  ## Install what pip cannot: Chromium for the tests of pages, libusb for Open3D (Debian, as root)
 	apt-get update -qq
 	apt-get install -y -qq --no-install-recommends chromium chromium-driver libusb-1.0-0
 
-phantom: $(READY)  ## Render the colon that training uses when there is no C3VD
+phantom: $(CORE)  ## Render the colon that training uses when there is no C3VD
 	$(BIN)/col3d prepare data=phantom $(ARGS)
 
-train: $(READY)  ## Train and evaluate Col3D-MTL on the phantom (ARGS="key=value ..." changes options)
+train: $(CORE)  ## Train and evaluate Col3D-MTL on the phantom (ARGS="key=value ..." changes options)
 	$(BIN)/python train.py $(ARGS)
 
-app: $(READY)  ## Open the newest trained network as a page in the browser, on this machine alone
+app: $(DEMO)  ## Open the newest trained network as a page in the browser, on this machine alone
 	$(BIN)/col3d demo $(ARGS)
 
-benchmark: $(READY)  ## Run the paper's experiments and report them (PRESET=smoke|laptop|paper DATA=c3vd ROOT=path)
+benchmark: $(CORE)  ## Run the paper's experiments and report them (PRESET=smoke|laptop|paper DATA=c3vd ROOT=path)
 	$(BIN)/col3d benchmark preset=$(PRESET) data=$(DATA) $(if $(ROOT),data.root=$(ROOT)) $(ARGS)
 
 speed: $(READY)  ## Time networks, metrics, geometry, start-up and data beside twins and floors (DATA=c3vd ROOT=path)
 	$(BIN)/python -m benchmarks.speed --data $(DATA) $(if $(ROOT),--root $(ROOT)) $(ARGS)
 	@if $(BIN)/python -c 'import sys, torch; sys.exit(not torch.cuda.is_available())'; then $(BIN)/python -m benchmarks.gpu speed-gpu; fi
 
-test: $(READY) lint  ## Run all tests, linters and type checks
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 $(ARGS)
+test: $(READY) lint  ## Run linters, type checks, unit tests, laws, references and one small training
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 -m "not end_to_end" $(ARGS)
+
+test-all: test  ## The same, then the README's commands, notebooks, pages in a browser, the wheel, kills, sweeps, two processes
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 -m end_to_end $(ARGS)
 
 test-slurm: $(READY)  ## Run sweeps on a SLURM of this machine (root; apt-get install slurm-wlm munge; 8 minutes)
 	$(BIN)/python tests/slurm/trial.py

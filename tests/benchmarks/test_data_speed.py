@@ -18,6 +18,8 @@ from col3d.data.cache import Stored, StoredVideo
 from col3d.data.datasets.frame_set import FrameSet
 from col3d.errors import DataError
 
+pytestmark = pytest.mark.end_to_end
+
 FULL_HW, SIZE_HW = (64, 80), (32, 40)
 
 

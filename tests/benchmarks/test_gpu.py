@@ -21,6 +21,8 @@ from benchmarks.gpu.setting import Setting, smallest
 from benchmarks.gpu.stages import Stage, run_stages, stages
 from col3d.errors import DataError
 
+pytestmark = pytest.mark.end_to_end
+
 CPU = torch.device("cpu")
 PROJECT = Path(__file__).parents[2]
 

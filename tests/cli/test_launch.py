@@ -10,6 +10,8 @@ from programs import call
 from col3d.cli.programs import RUNS
 from col3d.cli.resolvers import slug
 
+pytestmark = pytest.mark.end_to_end
+
 
 @pytest.mark.parametrize(
     ("arguments", "expected"),

@@ -25,6 +25,8 @@ from col3d.runs.checkpoints import read_checkpoint
 from col3d.runs.known_failures import as_user_errors
 from col3d.training.options import TrainOptions
 
+pytestmark = pytest.mark.end_to_end
+
 WRONG = ([], "x", 3, {"cameras": 3}, {"cameras": [3]}, {"cameras": ["x"]}, {"cameras": [{"model": []}]})
 NUMBERS = '"size":[64,80],"fx":9,"fy":9,"cx":9,"cy":9'
 PEER = """

@@ -16,6 +16,8 @@ from tiny_run import SMALL, TINY
 from col3d.registry.metric_specs import OURS
 from col3d.reports.per_frame import IDENTITY, read_per_frame
 
+pytestmark = pytest.mark.end_to_end
+
 PACKAGE = '''
 """A metric of a laboratory, and one of normals."""
 

@@ -11,6 +11,8 @@ from programs import PROJECT, call
 from served import served
 from tiny_run import TINY
 
+pytestmark = pytest.mark.end_to_end
+
 PACKAGE = '''
 """Parts of a laboratory."""
 

@@ -24,6 +24,8 @@ from col3d.registry.refusals import check_options
 from col3d.training.options import TrainOptions
 from col3d.training.trial import WENT_THROUGH
 
+pytestmark = pytest.mark.end_to_end
+
 LINES = list(
     dict.fromkeys(line for page in PAGES for block in blocks(page, "bash") for line in block.splitlines())
 )

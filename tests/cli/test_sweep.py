@@ -15,6 +15,8 @@ from col3d.reports.jobs import Job, read_sweep
 from col3d.reports.ledger import main as ledger
 from col3d.training.train import train
 
+pytestmark = pytest.mark.end_to_end
+
 Compose = Callable[..., dict[str, Any]]
 
 

@@ -18,6 +18,8 @@ from tiny_run import TINY
 from col3d.phantom import PhantomSettings, render_phantom
 from col3d.reports.jobs import read_plain
 
+pytestmark = pytest.mark.end_to_end
+
 PROJECT = Path(__file__).parents[2]
 IMPORT_ALL = """
 import pkgutil, sys, col3d

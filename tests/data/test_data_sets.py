@@ -23,6 +23,8 @@ from col3d.registry.refusals import check_options
 from col3d.training.options import TrainOptions
 from col3d.training.train import train
 
+pytestmark = pytest.mark.end_to_end
+
 Compose = Callable[..., dict[str, Any]]
 
 

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.end_to_end
+
 PROJECT = Path(__file__).parents[2]
 SOURCE = PROJECT / "src"
 PUBLIC = ("geometry", "models", "losses", "metrics", "data", "fusion", "reports")

@@ -11,6 +11,8 @@ import pytest
 from pages import PROJECT, blocks, file_of
 from programs import call
 
+pytestmark = pytest.mark.end_to_end
+
 PAGE = PROJECT / "docs" / "extending.md"
 RUN = (
     "plugins=[mylab]",

@@ -28,6 +28,8 @@ from col3d.layers.encoder import Encoder
 from col3d.training.tasks import SupervisedTask
 from col3d.training.train import train
 
+pytestmark = pytest.mark.end_to_end
+
 Compose = Callable[..., dict[str, Any]]
 BITS = 60
 TRACED = 3

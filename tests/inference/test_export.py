@@ -23,6 +23,8 @@ from col3d.inference.export.traced import Fixed
 from col3d.inference.predictor import load_predictor
 from col3d.inference.trained_network import located
 
+pytestmark = pytest.mark.end_to_end
+
 PROJECT = Path(__file__).parents[2]
 WITHOUT = (
     "import runpy, sys\n"

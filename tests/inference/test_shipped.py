@@ -18,6 +18,8 @@ from col3d.inference.predictor import load_predictor
 from col3d.inference.trained_network import SHIPPED
 from col3d.phantom import PARTS, PhantomSettings, phantom_camera, render_phantom
 
+pytestmark = pytest.mark.end_to_end
+
 LARGEST = 3_000_000
 """Bytes."""
 

@@ -14,6 +14,8 @@ from col3d.phantom.look import LOOKS
 from col3d.phantom.segments import SEGMENTS
 from col3d.phantom.write import scene_of
 
+pytestmark = pytest.mark.end_to_end
+
 VIDEO = "cecum_t1_a_s3"
 SETTINGS = PhantomSettings(size_hw=(54, 68), frames_per_video=2, videos=(VIDEO,))
 

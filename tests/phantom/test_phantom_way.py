@@ -7,6 +7,8 @@ from col3d.phantom import PARTS, PhantomSettings
 from col3d.phantom.trajectory import CLEARANCE
 from col3d.phantom.write import Scene, scene_of
 
+pytestmark = pytest.mark.end_to_end
+
 PLAIN = ("cecum_t1_a", "trans_t1_a", "desc_t4_a", "sigmoid_t1_a")
 DRAWN = tuple(f"{video}_s{seed}" for video in PLAIN for seed in (1, 2, 3))
 

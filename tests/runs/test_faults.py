@@ -20,6 +20,8 @@ from col3d.errors import DataError, UserError
 from col3d.runs.status import JobStatus
 from col3d.training.train import train
 
+pytestmark = pytest.mark.end_to_end
+
 EPOCHS = 2
 SMALL = (
     "model=bts",

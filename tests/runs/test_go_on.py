@@ -23,6 +23,8 @@ from col3d.training.initial_weights import begin_from
 from col3d.training.options import InitOptions, TrainOptions
 from col3d.training.train import train
 
+pytestmark = pytest.mark.end_to_end
+
 Compose = Callable[..., dict[str, Any]]
 STEADY = (*QUICK, "scheduler=constant")
 

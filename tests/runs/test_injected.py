@@ -10,6 +10,8 @@ from benchmarks.faults.injected import Tally, _copied, _in_spread_order, _spread
 from benchmarks.faults.injector import KINDS, Injector
 from benchmarks.faults.small_runs import RUNS, SmallRun, prepared_place
 
+pytestmark = pytest.mark.end_to_end
+
 MOST = {"report": 2, "predict": 1}
 
 

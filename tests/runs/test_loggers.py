@@ -21,6 +21,8 @@ from col3d.runs.logger_options import check_installed, logger_entries
 from col3d.training.options import TrainOptions
 from col3d.training.train import train
 
+pytestmark = pytest.mark.end_to_end
+
 Compose = Callable[..., dict[str, Any]]
 CLASSES = {
     "wandb": "WandbLogger",

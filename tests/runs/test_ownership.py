@@ -24,6 +24,8 @@ from col3d.reports.__main__ import main as report
 from col3d.runs.folder import FILES
 from col3d.training.train import train
 
+pytestmark = pytest.mark.end_to_end
+
 VIDEOS = ("desc_t4_a_s1",)
 Compose = Callable[..., dict[str, Any]]
 

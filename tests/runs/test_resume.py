@@ -16,6 +16,8 @@ from nursery import Nursery
 from col3d.training.tasks import SupervisedTask
 from col3d.training.train import train
 
+pytestmark = pytest.mark.end_to_end
+
 KILLS = 20
 
 

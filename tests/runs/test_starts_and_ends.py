@@ -22,6 +22,8 @@ from col3d.evaluation.panels import ImagePanels
 from col3d.runs import provenance
 from col3d.training.train import train
 
+pytestmark = pytest.mark.end_to_end
+
 Compose = Callable[..., dict[str, Any]]
 
 

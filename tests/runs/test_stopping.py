@@ -26,6 +26,8 @@ from col3d.inference.predict import predict
 from col3d.phantom import PhantomSettings, render_phantom
 from col3d.reports.video import VideoWriter
 
+pytestmark = pytest.mark.end_to_end
+
 SECONDS = 120
 CODES = {signal.SIGTERM: 143, signal.SIGINT: 130, signal.SIGHUP: 143}
 FRAMES = 2000

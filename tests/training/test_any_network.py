@@ -6,6 +6,8 @@ import pytest
 from programs import call
 from tiny_run import TINY
 
+pytestmark = pytest.mark.end_to_end
+
 PACKAGE = '''
 """Networks of a laboratory."""
 

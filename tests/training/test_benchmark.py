@@ -19,6 +19,8 @@ from col3d.signals import Stopped
 from col3d.training import benchmark as running
 from col3d.training.benchmark import Job, distinct, make_job, run_benchmark
 
+pytestmark = pytest.mark.end_to_end
+
 Compose = Callable[..., dict[str, Any]]
 
 

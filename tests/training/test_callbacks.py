@@ -19,6 +19,8 @@ from col3d.registry import CALLBACKS, available, register_callback
 from col3d.training.callback_options import callback_entries, callbacks_of
 from col3d.training.train import train
 
+pytestmark = pytest.mark.end_to_end
+
 Compose = Callable[..., dict[str, Any]]
 SELDOM = "callbacks.checkpoint_minutes=60"
 EMA = ("++callbacks.more.ema.callback=EMAWeightAveraging", "++callbacks.more.ema.decay=0.5")

@@ -19,6 +19,8 @@ from tiny_run import SMALL, TINY
 from col3d.reports.jobs import read_plain
 from col3d.training.train import train
 
+pytestmark = pytest.mark.end_to_end
+
 Compose = Callable[..., dict[str, Any]]
 DDP = ["trainer=ddp", "trainer.devices=2", "trainer.accelerator=cpu"]
 FOUR = ["data.split.train=[cecum_t1_a,trans_t1_a:0-0]", "trainer.max_epochs=2", "model=bts", SMALL]

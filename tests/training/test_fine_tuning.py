@@ -19,6 +19,8 @@ from col3d.training.options import InitOptions, TrainOptions
 from col3d.training.tasks import SupervisedTask
 from col3d.training.train import train
 
+pytestmark = pytest.mark.end_to_end
+
 Compose = Callable[..., dict[str, Any]]
 SELDOM = "callbacks.checkpoint_minutes=60"
 LATER = ("model.freeze=[encoder]", "model.unfreeze_at=1")

@@ -18,6 +18,8 @@ from col3d.runs.trained import mean_depth
 from col3d.training.tasks import SupervisedTask
 from col3d.training.train import train
 
+pytestmark = pytest.mark.end_to_end
+
 Compose = Callable[..., dict[str, Any]]
 KEY = "depth_seen"
 

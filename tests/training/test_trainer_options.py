@@ -22,6 +22,8 @@ from col3d.training.train import train
 from col3d.training.trainer import make_trainer
 from col3d.training.trainer_options import REASONS, TrainerOptions
 
+pytestmark = pytest.mark.end_to_end
+
 Compose = Callable[..., dict[str, Any]]
 SELDOM = "callbacks.checkpoint_minutes=60"
 RENAMED = {"accumulate": "accumulate_grad_batches", "gradient_clip": "gradient_clip_val"}

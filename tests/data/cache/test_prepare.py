@@ -28,6 +28,8 @@ from col3d.errors import DataError, UserError
 from col3d.registry.refusals import check_options
 from col3d.training.options import TrainOptions
 
+pytestmark = pytest.mark.end_to_end
+
 PHANTOM = ("phantom.size=[64,80]", "phantom.frames_per_video=3")
 Compose = Callable[..., dict[str, Any]]
 

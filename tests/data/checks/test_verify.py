@@ -20,6 +20,8 @@ from col3d.errors import DataError, UserError
 from col3d.geometry import OmnidirectionalCamera
 from col3d.phantom import PARTS, PhantomSettings, phantom_camera, render_phantom
 
+pytestmark = pytest.mark.end_to_end
+
 VIDEOS = ("cecum_t1_a", "trans_t1_a")
 PHANTOM = ("phantom.size=[108,135]", "phantom.frames_per_video=6")
 SPLIT = ("data/split=custom", "data.split.train=[cecum_t1_a]", "data.split.test=[trans_t1_a:0-2]")

@@ -25,6 +25,8 @@ from col3d.data.download.download import download
 from col3d.data.files.encode import depth_codes, write_tiff
 from col3d.errors import DataError, RunLockedError, UserError
 
+pytestmark = pytest.mark.end_to_end
+
 VIDEO, NAME, FRAMES = "trans_t1_a", "c0_transverse_t1_v1", 61
 OTHER, OTHER_NAME = "trans_t2_b", "c0_transverse_t2_v2"
 POSE = "1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1\n"
