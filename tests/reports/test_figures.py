@@ -24,8 +24,8 @@ from col3d.reports.figures import (
 )
 from col3d.reports.figures.bins import quartiles
 from col3d.reports.figures.figure import LARGEST_FILE, blank, save
+from col3d.reports.figures.figure_data import FigureData, figure_data_of
 from col3d.reports.figures.maps import angle_between, read_guess, read_truth
-from col3d.reports.figures.material import FigureData, material_of
 from col3d.reports.figures.plots import axis_label
 from col3d.reports.figures.style import PALETTE, Look, Style, ball, styles_of
 from col3d.reports.per_frame import read_per_frame, write_per_frame
@@ -86,7 +86,7 @@ def paper(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def material(paper: Path) -> FigureData:
-    return material_of(read_runs(paper / "runs"), paper / "truth")
+    return figure_data_of(read_runs(paper / "runs"), paper / "truth")
 
 
 def test_every_figure_is_drawn(paper: Path, tmp_path: Path) -> None:
@@ -275,7 +275,7 @@ def test_small_angles_are_not_lost() -> None:
 
 def test_colours_of_methods_are_fixed(paper: Path, material: FigureData) -> None:
     """Whatever else was run, and the same in every table; variants of a network differ by their dashes."""
-    alone = material_of(Found(read_runs(paper / "runs").runs[:1], ()), None)
+    alone = figure_data_of(Found(read_runs(paper / "runs").runs[:1], ()), None)
     styles = {m.label: m.style for group in material.groups.values() for m in group.methods}
     assert {m.label: m.style for m in alone.main.methods}.items() <= styles.items()
     assert len({styles[label].colour for label in (m.label for m in material.main.methods)}) == 5
@@ -333,7 +333,7 @@ def test_single_runs_of_other_options_are_compared(tmp_path: Path) -> None:
     write_run(
         tmp_path / "two", "bts", frames=FRAMES, model__width=64, loss__terms={"depth": {"term": "depth_l1"}}
     )
-    labels = [method.label for method in material_of(read_runs(tmp_path), None).main.methods]
+    labels = [method.label for method in figure_data_of(read_runs(tmp_path), None).main.methods]
     assert labels == ["BTS", "two"]
 
 
@@ -364,7 +364,7 @@ def test_metrics_of_plugins_are_drawn_beside_ours(tmp_path: Path) -> None:
     change_summary(folder, metric_specs={"gain": {"heading": "Gain $x^$", "unit": "$", "better": "higher"}})
     curve = "epoch,val/abs_rel,val/mae,val/gain,val/loss\n0,0.5,2.0,-3.0,1.0\n"
     (folder / "metrics.csv").write_text(curve)
-    material = material_of(read_runs(tmp_path / "runs"), None)
+    material = figure_data_of(read_runs(tmp_path / "runs"), None)
     said = [module.draw(material, tmp_path).caption for module in (per_video, training_curves)]
     assert all(text.startswith("Abs Rel (lower is better) and Gain $x^$ (higher is better)") for text in said)
     assert axis_label(material.main.methods[0].runs[0].specs["gain"]) == r"Gain \$x^\$ \$"

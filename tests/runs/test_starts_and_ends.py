@@ -207,21 +207,6 @@ def test_what_changed_between_two_starts_is_said(
     assert "finished before" in said
 
 
-def test_images_that_changed_are_predicted_again(
-    tiny: Compose, own_frames: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    train(tiny(*QUICK, f"data.root={own_frames}"))
-    given = composed(
-        "evaluate", f"checkpoint={tmp_path}/run/checkpoints/best.ckpt", "accelerator=cpu", "panels=0"
-    )
-    evaluate(given)
-    evaluate(given)
-    assert capsys.readouterr().out.count("predictions of before") == 1
-    os.utime(own_frames / "desc_t4_a" / "0001_color.png", (1, 1))
-    evaluate(given)
-    assert "predictions of before" not in capsys.readouterr().out
-
-
 @pytest.mark.parametrize(
     ("video", "part"), [("cecum_t1_a", "train"), ("trans_t1_a", "val"), ("desc_t4_a", "test")]
 )

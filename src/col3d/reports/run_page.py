@@ -16,7 +16,7 @@ from markupsafe import Markup
 from col3d.errors import UserError
 from col3d.io.atomic import write_whole
 from col3d.io.ownership import Owned
-from col3d.reports.figures.material import Method
+from col3d.reports.figures.figure_data import Method
 from col3d.reports.figures.style import BLACK, Style
 from col3d.reports.figures.training_curves import curves, draw_methods
 from col3d.reports.jobs import TRAINING

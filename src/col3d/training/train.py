@@ -39,7 +39,7 @@ from col3d.training.build import build_task
 from col3d.training.callback_options import callbacks_of
 from col3d.training.callbacks.epoch_lines import EpochLines
 from col3d.training.callbacks.finite_numbers import FiniteNumbers
-from col3d.training.callbacks.named import StoppedEarly
+from col3d.training.callbacks.named import StoppedEarly, unheard
 from col3d.training.callbacks.same_batches import SameBatches
 from col3d.training.callbacks.unfreeze import Unfreeze
 from col3d.training.decorate import decorate, show_again
@@ -212,6 +212,8 @@ def _fit_and_test(
 def joining(options: TrainOptions, task: SupervisedTask) -> list[Callback]:
     """The callbacks that options name or ask for; they come before those that save."""
     named: list[Callback] = callbacks_of(options.callbacks.more)
+    for note in unheard(named) if is_first() else ():
+        print(note, flush=True)
     asked: list[Callback] = [] if options.trainer.overfit_batches is None else [SameBatches()]
     if options.model.unfreeze_at is not None:
         asked.append(Unfreeze(task.network.get_submodule("encoder"), options.model.unfreeze_at))

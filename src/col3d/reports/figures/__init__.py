@@ -18,7 +18,7 @@ from col3d.reports.figures import (
     training_curves,
 )
 from col3d.reports.figures.figure import Drawn, Figure, MissingError
-from col3d.reports.figures.material import FigureData, material_of
+from col3d.reports.figures.figure_data import FigureData, figure_data_of
 from col3d.reports.runs import Found
 
 __all__ = ["DRAW", "Drawn", "Figure", "draw", "draw_all"]
@@ -58,7 +58,7 @@ def draw(found: Found, out: Path, truth: Path | None) -> Drawn:
     """
     if not found.runs:
         return Drawn((), ("figures: there is no run",))
-    material = material_of(found, truth)
+    material = figure_data_of(found, truth)
     out.mkdir(parents=True, exist_ok=True)
     figures, left_out = [], []
     for title, draw_one in DRAW.values():

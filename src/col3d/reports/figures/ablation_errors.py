@@ -7,8 +7,8 @@ from col3d.io.predictions import StoredPredictions
 from col3d.reports.figures.captions import about_maps, sentences
 from col3d.reports.figures.choice import best_average_worst
 from col3d.reports.figures.figure import Figure, MissingError, save
+from col3d.reports.figures.figure_data import FigureData, Method
 from col3d.reports.figures.maps import Frame, Guess, Maps, Truth, frame_value, read_maps
-from col3d.reports.figures.material import FigureData, Method
 from col3d.reports.figures.qualitative import chosen_by
 from col3d.reports.figures.sheet import Scale, Sheet, errors_up_to, range_of
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 
 from col3d.registry.metric_specs import MetricSpec
 from col3d.reports.compose import PHANTOM
-from col3d.reports.figures.material import Group, Method
+from col3d.reports.figures.figure_data import Group, Method
 
 UNSCALED = "Predictions are as networks gave them, not scaled to the truth."
 COLOURS = "Colours end where 98 % of the values do; grey does not count."

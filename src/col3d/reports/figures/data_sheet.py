@@ -10,8 +10,8 @@ from col3d.reports.colours import GREY
 from col3d.reports.figures.captions import NORMALS, about, sentences
 from col3d.reports.figures.choice import one_a_segment
 from col3d.reports.figures.figure import Figure, save
+from col3d.reports.figures.figure_data import FigureData
 from col3d.reports.figures.maps import Frame, Truth, read_truth
-from col3d.reports.figures.material import FigureData
 from col3d.reports.figures.per_segment_samples import CHOSEN
 from col3d.reports.figures.sheet import BALL, Scale, Sheet, range_of
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 from col3d.io.predictions import StoredPredictions
 from col3d.reports.figures.figure import save
+from col3d.reports.figures.figure_data import Method
 from col3d.reports.figures.maps import Frame, Guess, Truth, frame_value, read_maps
-from col3d.reports.figures.material import Method
 from col3d.reports.figures.sheet import Sheet, errors_up_to, range_of
 
 

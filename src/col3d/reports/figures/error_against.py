@@ -11,8 +11,8 @@ from col3d.io.predictions import StoredPredictions
 from col3d.reports.figures.bins import Quartiles, quartiles
 from col3d.reports.figures.captions import UNSCALED, about, missing, seeds, sentences
 from col3d.reports.figures.figure import Figure, MissingError, blank, save
+from col3d.reports.figures.figure_data import IN_PICTURES, FigureData, Method
 from col3d.reports.figures.maps import Frame, read_guess, read_truth
-from col3d.reports.figures.material import IN_PICTURES, FigureData, Method
 from col3d.reports.figures.plots import WIDTH, legend, plain
 
 TITLE = "Errors by depth and by angle"

@@ -15,7 +15,7 @@ from matplotlib.colors import to_hex
 from col3d.registry.metric_specs import OURS
 from col3d.reports.figures.captions import about, missing, repeats, sentences
 from col3d.reports.figures.figure import Figure, MissingError, blank, save
-from col3d.reports.figures.material import FigureData, Group
+from col3d.reports.figures.figure_data import FigureData, Group
 from col3d.reports.options import loss_of
 
 TITLE = "Weights of the loss"

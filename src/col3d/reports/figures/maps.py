@@ -8,7 +8,7 @@ import numpy as np
 from col3d.errors import DataError
 from col3d.io.predictions import StoredPredictions
 from col3d.reports.figures.figure import MissingError
-from col3d.reports.figures.material import Method, predictions_folder
+from col3d.reports.figures.figure_data import Method, predictions_folder
 
 Frame = tuple[str, int]
 """A video and a number."""

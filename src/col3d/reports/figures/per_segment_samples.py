@@ -6,7 +6,7 @@ from col3d.reports.figures.captions import about_maps, sentences
 from col3d.reports.figures.choice import one_a_segment
 from col3d.reports.figures.depth_sheet import draw_depth
 from col3d.reports.figures.figure import Figure
-from col3d.reports.figures.material import IN_PICTURES, FigureData
+from col3d.reports.figures.figure_data import IN_PICTURES, FigureData
 
 TITLE = "Depth in each segment"
 CHOSEN = "Frames are the middle one of each segment's frames, in the order of videos and frames."

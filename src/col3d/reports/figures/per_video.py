@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from col3d.registry.metric_specs import OURS, MetricSpec
 from col3d.reports.figures.captions import about, repeats, sentences, with_direction
 from col3d.reports.figures.figure import Figure, MissingError, blank, save
-from col3d.reports.figures.material import FigureData, Method
+from col3d.reports.figures.figure_data import FigureData, Method
 from col3d.reports.figures.plots import WIDTH, axis_label, from_zero, legend, plain
 
 TITLE = "Metrics by video"

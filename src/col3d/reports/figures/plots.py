@@ -8,7 +8,7 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.lines import Line2D
 
 from col3d.registry.metric_specs import MetricSpec
-from col3d.reports.figures.material import Method
+from col3d.reports.figures.figure_data import Method
 
 WIDTH, CHARACTERS = 11.0, 125
 """Inches, and how many characters of a legend stand in a line."""

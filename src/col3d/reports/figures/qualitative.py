@@ -6,7 +6,7 @@ from col3d.reports.figures.captions import about_maps, sentences
 from col3d.reports.figures.choice import best_average_worst
 from col3d.reports.figures.depth_sheet import draw_depth
 from col3d.reports.figures.figure import Figure
-from col3d.reports.figures.material import IN_PICTURES, FigureData, Group, Method
+from col3d.reports.figures.figure_data import IN_PICTURES, FigureData, Group, Method
 
 TITLE = "Depth on the best, an average and the worst frame"
 

@@ -13,7 +13,7 @@ from col3d.errors import naming
 from col3d.registry.metric_specs import OURS, MetricSpec
 from col3d.reports.figures.captions import about_training, sentences, with_direction
 from col3d.reports.figures.figure import Figure, MissingError, blank, save
-from col3d.reports.figures.material import FigureData, Method
+from col3d.reports.figures.figure_data import FigureData, Method
 from col3d.reports.figures.plots import WIDTH, axis_label, from_zero, legend, plain
 from col3d.reports.figures.style import Dash
 from col3d.reports.options import at

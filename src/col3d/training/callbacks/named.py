@@ -1,5 +1,6 @@
 """Callbacks by name: those of Lightning that fit a training that goes on after any kill, and averages."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import lightning.pytorch.callbacks as lightnings
@@ -86,3 +87,18 @@ for _name in OFFERED:
     register_callback(_name, getattr(lightnings, _name))
 for _kind in (WeightAveraging, EMAWeightAveraging):
     register_callback(_kind.__name__, _kind)
+
+
+def unheard(callbacks: Iterable[Callback]) -> list[str]:
+    """A line for each callback of a user that waits for a test: the test split is scored without Trainer."""
+    hooks = [name for name in vars(Callback) if name.startswith("on_test_")]
+    lines = []
+    for callback in callbacks:
+        kind = type(callback)
+        waiting = [name for name in hooks if getattr(kind, name) is not getattr(Callback, name)]
+        if waiting and not kind.__module__.startswith("lightning."):
+            lines.append(
+                f"note: {kind.__name__}: {', '.join(waiting)} never happens: the test split is scored as "
+                "`col3d evaluate` scores it"
+            )
+    return lines

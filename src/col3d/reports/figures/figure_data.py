@@ -94,7 +94,7 @@ class FigureData:
         return self.truth
 
 
-def material_of(found: Found, truth: Path | None) -> FigureData:
+def figure_data_of(found: Found, truth: Path | None) -> FigureData:
     """Group runs as tables do and open the truth."""
     experiments = experiments_of(found)
     styles = styles_of({row.label: look_of(row) for e in experiments for row in e.rows})
