@@ -8,10 +8,11 @@ from typing import TypeVar
 from col3d.data.cache import videos_in
 from col3d.data.cache.choice import stored_frames
 from col3d.data.datamodule import FrameDataModule, Frames
+from col3d.data.datasets.dataset_index import DatasetIndex
 from col3d.data.datasets.frame_set import FrameSet
 from col3d.data.datasets.videos import video_table
 from col3d.data.options import DataOptions, SourceOptions, built
-from col3d.data.processes import check_replaceable
+from col3d.data.rendered import is_rendered, phantom_settings, render_missing
 from col3d.data.sized import Joined, Resized, SizedFrames
 from col3d.data.splits import (
     SPLITS,
@@ -23,9 +24,7 @@ from col3d.data.splits import (
 )
 from col3d.data.transforms import Augment
 from col3d.errors import DataError
-from col3d.phantom import PARTS, PhantomSettings, render_phantom
 from col3d.phantom.options import PhantomOptions
-from col3d.phantom.write import MANIFEST, video_is_complete
 from col3d.registry import DATASETS
 
 CUSTOM = "custom"
@@ -58,30 +57,8 @@ def _settled(source: Source, phantom: PhantomOptions) -> Source:
     )
 
 
-def is_rendered(source: SourceOptions) -> bool:
-    """Whether its videos are made where they are not there."""
-    rendered: bool = DATASETS[source.name].facts["rendered"]
-    return rendered
-
-
-def phantom_settings(
-    source: SourceOptions, options: PhantomOptions, videos: Iterable[str] | None = None
-) -> PhantomSettings:
-    """What is asked to be rendered: these videos, or all."""
-    height, width = options.size
-    asked = source.own.get("randomise", False)
-    randomise = tuple(part for part in PARTS if asked is True or (asked and part in asked))
-    return PhantomSettings(
-        size_hw=(height, width),
-        frames_per_video=options.frames_per_video,
-        seed=options.seed,
-        randomise=randomise,
-        videos=tuple(video_table() if videos is None else videos),
-    )
-
-
 def frame_set(source: SourceOptions, phantom: PhantomOptions, entries: Sequence[str]) -> FrameSet:
-    """The frames of these entries at full resolution; of none, a set that can look for them.
+    """The frames of these entries at full resolution.
 
     Raises:
         DataError: a file or folder is missing or not what it should be.
@@ -89,6 +66,15 @@ def frame_set(source: SourceOptions, phantom: PhantomOptions, entries: Sequence[
     frames = built(source, entries, rendered=phantom)
     assert isinstance(frames, FrameSet)
     return frames
+
+
+def dataset_index(source: SourceOptions, phantom: PhantomOptions) -> DatasetIndex:
+    """Where videos and files of a data set are.
+
+    Raises:
+        DataError: an option does not fit the data set.
+    """
+    return frame_set(source, phantom, [])
 
 
 def entries_of(source: SourceOptions, phantom: PhantomOptions, part: str) -> list[str]:
@@ -106,18 +92,6 @@ def entries_of(source: SourceOptions, phantom: PhantomOptions, part: str) -> lis
         render_missing(Path(source.root), phantom_settings(source, phantom, videos))
         return _at_hand(source, phantom, part, named, videos)
     return _at_hand(source, phantom, part, named, _videos_at_hand(source, phantom))
-
-
-def render_missing(root: Path, settings: PhantomSettings, workers: int | None = None) -> None:
-    """Render what a phantom lacks, once it is known that nothing of others is in the way of any video.
-
-    Raises:
-        DataError: names the folder that holds something else, and what.
-    """
-    for video in settings.videos:
-        if (root / video / MANIFEST).is_file() and not video_is_complete(root / video, settings):
-            check_replaceable(root / video)
-    render_phantom(root, settings, workers)
 
 
 def full_frames(source: SourceOptions, phantom: PhantomOptions, part: str) -> FrameSet:
@@ -228,11 +202,11 @@ def _check_weights(sources: Sequence[SourceOptions], parts: Sequence[SizedFrames
 def _videos_at_hand(source: SourceOptions, phantom: PhantomOptions) -> list[str]:
     """Names of the videos of the data set, or where it is not there of the store that is named."""
     if is_rendered(source):
-        return list(dict.fromkeys([*video_table(), *frame_set(source, phantom, []).folders]))
+        return list(dict.fromkeys([*video_table(), *dataset_index(source, phantom).folders]))
     root, store = Path(source.root), Path(source.store)
     if not root.is_dir() and source.store not in ("auto", "none") and store.is_dir():
         return videos_in(store)
-    return list(frame_set(source, phantom, []).folders)
+    return list(dataset_index(source, phantom).folders)
 
 
 def _at_hand(
@@ -240,9 +214,9 @@ def _at_hand(
 ) -> list[str]:
     """Entries of the split, without those of missing videos where that is allowed."""
     if Path(source.root).is_dir():
-        frames = frame_set(source, phantom, [])
+        index = dataset_index(source, phantom)
         for entry in named:
-            if reason := frames.unreachable(selection_of_any_video(entry, present).video):
+            if reason := index.unreachable(selection_of_any_video(entry, present).video):
                 raise DataError(reason)
     videos = {entry: parse_selection(entry, present).video for entry in named}
     missing = list(dict.fromkeys(video for video in videos.values() if video not in present))

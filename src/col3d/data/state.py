@@ -5,10 +5,10 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from col3d.data.build import frame_set
+from col3d.data.build import dataset_index
 from col3d.data.cache import folder_of, read_video, videos_in
+from col3d.data.datasets.dataset_index import DatasetIndex
 from col3d.data.datasets.frame_files import Frame
-from col3d.data.datasets.frame_set import FrameSet
 from col3d.data.options import DataOptions, SourceOptions
 from col3d.data.splits import SPLITS, selection_of_any_video
 from col3d.errors import DataError
@@ -34,30 +34,30 @@ def part_state(source: SourceOptions, phantom: PhantomOptions, part: str) -> Sta
     entries = getattr(source.split, part)
     if not Path(source.root).is_dir():
         return _of_store(source, entries)
-    frames = frame_set(source, phantom, [])
-    kinds = _files(frames, entries)
+    index = dataset_index(source, phantom)
+    kinds = _files(index, entries)
     found = {
-        f"{kind} of {video} ({source.name}, {part})": _summed(frames.root, paths)
+        f"{kind} of {video} ({source.name}, {part})": _summed(index.root, paths)
         for (video, kind), paths in kinds.items()
     }
     layout = source.own.get("layout")
-    if layout is not None and (camera := frames.root / layout.camera_file).is_file():
-        found[f"camera ({source.name})"] = _summed(frames.root, [camera])
+    if layout is not None and (camera := index.root / layout.camera_file).is_file():
+        found[f"camera ({source.name})"] = _summed(index.root, [camera])
     return found
 
 
-def _files(frames: FrameSet, entries: Iterable[str]) -> dict[tuple[str, str], list[Path]]:
+def _files(index: DatasetIndex, entries: Iterable[str]) -> dict[tuple[str, str], list[Path]]:
     found: dict[tuple[str, str], list[Path]] = defaultdict(list)
-    for frame in _found(frames, entries):
+    for frame in _found(index, entries):
         for kind, path in frame.files.items():
             found[frame.video, kind].append(path)
     return found
 
 
-def _found(frames: FrameSet, entries: Iterable[str]) -> Iterator[Frame]:
+def _found(index: DatasetIndex, entries: Iterable[str]) -> Iterator[Frame]:
     for entry in entries:
         try:
-            yield from frames.find(entry)
+            yield from index.find(entry)
         except DataError:  # allowed to be missing; where it is not, reading it says so
             continue
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import torch
 
-from col3d.data.build import frame_set, is_rendered, other_folder_names, phantom_settings, render_missing
+from col3d.data.build import frame_set, other_folder_names
 from col3d.data.cache import Recipe, folder_of, read_video, write_video
 from col3d.data.cache.choice import beside, recipe_of, remember
 from col3d.data.cache.index import shapes
@@ -17,6 +17,7 @@ from col3d.data.datasets.frame_set import FrameSet
 from col3d.data.datasets.videos import seeded_name, video_table
 from col3d.data.options import SourceOptions
 from col3d.data.processes import check_replaceable, in_processes, remove_stale
+from col3d.data.rendered import is_rendered, phantom_settings, render_missing
 from col3d.data.sized import Resized
 from col3d.data.splits import SPLITS, expand, parse_selection
 from col3d.errors import DataError, UserError

@@ -10,7 +10,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from col3d.data.build import frame_set, is_rendered, other_folder_names
+from col3d.data.build import frame_set, other_folder_names
 from col3d.data.cache.choice import remembered
 from col3d.data.checks import (
     ExpectedVideo,
@@ -36,6 +36,7 @@ from col3d.data.datasets.release import RELEASES
 from col3d.data.datasets.videos import catalogue, frames_of
 from col3d.data.options import SourceOptions
 from col3d.data.processes import in_processes
+from col3d.data.rendered import is_rendered
 from col3d.data.splits import expand, selection_of_any_video
 from col3d.errors import DataError, UserError
 from col3d.io.json_files import write_json

@@ -9,9 +9,10 @@ import numpy as np
 from jaxtyping import Bool, Shaped
 from torch import Tensor
 
+from col3d.data.datasets.dataset_index import check_root, named
 from col3d.data.datasets.frame_files import Frame, Kind, Twice, labelled, refuse_twice
 from col3d.data.datasets.frame_pairing import LABEL, pair
-from col3d.data.datasets.frame_set import Depth, FrameSet, check_root, named
+from col3d.data.datasets.frame_set import Depth, FrameSet
 from col3d.data.files.depth_files import check_depth_file, read_depth_file
 from col3d.data.splits import selection_of_any_video
 from col3d.errors import DataError

@@ -1,9 +1,8 @@
-"""What all data sets share: finding the files of frames, and items decoded to standard units."""
+"""What all data sets share: frames decoded to standard units."""
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from abc import abstractmethod
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -13,9 +12,9 @@ from jaxtyping import Bool, Float32, Shaped
 from torch import Tensor
 from torch.utils.data import Dataset
 
-from col3d.data.datasets.frame_files import Frame, Kind, Twice, choose_frames, refuse_twice
-from col3d.data.files.image_files import check_header, read_colour, read_grey, read_rgb
-from col3d.data.splits import parse_selection
+from col3d.data.datasets.dataset_index import DatasetIndex
+from col3d.data.datasets.frame_files import Frame
+from col3d.data.files.image_files import read_colour, read_grey, read_rgb
 from col3d.errors import DataError, check_known
 from col3d.geometry import Camera, normals_from_depth
 
@@ -42,7 +41,7 @@ class Depth:
     known: Bool[np.ndarray, "h w"]
 
 
-class FrameSet(Dataset[dict[str, Any]], ABC):
+class FrameSet(DatasetIndex, Dataset[dict[str, Any]]):
     """Frames of chosen videos at full resolution, in standard units: the keys of a `Batch` less its axis b.
 
     Every file's header and length is checked when the set is built.
@@ -62,14 +61,10 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
         ValueError: unknown `normals`, or `stored` where the data set has none.
     """
 
-    kinds: Mapping[str, Kind]
-    """`color`, `depth`, and those of `normals`, `occlusion` and `flow` that the data set has."""
     max_depth: float
     """Millimetres: the largest depth that counts."""
     releases: dict[str, str]
     """By video, which release of the data set its files follow."""
-    example: ClassVar[str]
-    """Two files that a frame needs, as a reader would write them."""
     dense_truth: ClassVar[bool] = False
     """Whether depth is known all over the field of view: what is unknown is then its border; see `Resize`."""
 
@@ -91,56 +86,10 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
         """Options that decide what codes in files mean, where users choose them; None for all of its own."""
         return None
 
-    @classmethod
-    def video_folders(cls, root: Path) -> dict[str, Path]:
-        """The folder of each video by its name: all folders in the root, but for hidden ones.
-
-        Raises:
-            DataError: there is no such root.
-        """
-        check_root(root)
-        folders = sorted(path for path in root.iterdir() if path.is_dir() and not path.name.startswith("."))
-        return named(folders)
-
-    @cached_property
-    def folders(self) -> dict[str, Path]:
-        """The folder of each video by its name, as they lay there when they were first asked for.
-
-        Raises:
-            DataError: there is no such root.
-        """
-        return self.video_folders(self.root)
-
     @property
     def calibrated(self) -> Camera:
         """The camera at the size that it was calibrated at."""
         return self.camera
-
-    def needed(self, video: str = "") -> list[str]:
-        """Kinds of files that are read; of a video that is known to have no truth, those that it has."""
-        return ["color", "depth", *(["normals"] if self.normals == "stored" else [])]
-
-    def refusal(self, video: str) -> str:
-        """Why a video cannot be scored or trained on, whatever its files are; nothing of any other."""
-        return ""
-
-    def unreachable(self, video: str) -> str:
-        """Why a video that lies there is not found; nothing of any other."""
-        return ""
-
-    def without_frames(self) -> str:
-        """What is said where no folder has any frame."""
-        reasons = (self.why_none(folder) for folder in self.folders.values())
-        reason = next((f"; {why}" for why in reasons if why), "")
-        return f"no frames {self.example} in any folder{reason}"
-
-    def why_none(self, folder: Path) -> str:
-        """Why a folder without images is so, where other files in it tell; else nothing."""
-        return ""
-
-    def renamed(self) -> dict[str, str]:
-        """Videos that lie in folders of other names: the name here -> the name of the folder."""
-        return {video: folder.name for video, folder in self.folders.items() if video != folder.name}
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -225,89 +174,6 @@ class FrameSet(Dataset[dict[str, Any]], ABC):
         """
         raise NotImplementedError
 
-    def find(self, entry: str) -> list[Frame]:
-        """The frames of an entry of a split, with the files that are needed.
-
-        Raises:
-            DataError: there is no such video, it cannot serve, a frame lacks a file, or was chosen before.
-        """
-        selection = parse_selection(entry, list(self.folders))
-        if reason := self.refusal(selection.video):
-            raise DataError(f"split entry {entry!r}: {reason}")
-        folder = self.folders.get(selection.video)
-        if folder is None:
-            raise DataError(
-                f"{self.root / selection.video}: no such video; copy it there or leave it out of data.split"
-            )
-        needed = self.needed(selection.video)
-        found = self.files(folder, needed)
-        frames = choose_frames(folder, selection, self.kinds, found, self.example)
-        if twice := {frame.number for frame in frames} & self._numbers(selection.video):
-            raise DataError(
-                f"split entry {entry!r}: frame {min(twice)} of {selection.video} is chosen already"
-            )
-        return frames
-
-    def files(
-        self, folder: Path, kinds: Sequence[str], twice: Twice = refuse_twice
-    ) -> dict[str, dict[int, Path]]:
-        """Files of a video by kind and frame number.
-
-        Args:
-            folder: of the video.
-            kinds: that are looked for.
-            twice: is told of a second file of one number.
-
-        Raises:
-            DataError: two files have the same number, unless `twice` takes it.
-        """
-        return {kind: self.kinds[kind].find(folder, twice) for kind in kinds}
-
-    def check(self, frame: Frame) -> None:
-        """Refuse a frame one of whose files is not the complete image that it should be.
-
-        Raises:
-            DataError: names the file.
-        """
-        for kind, path in frame.files.items():
-            self.check_file(kind, path)
-
-    def check_file(self, kind: str, path: Path) -> None:
-        """Refuse a file of a kind by its header.
-
-        Raises:
-            DataError: names the file, the rule and what came.
-        """
-        check_header(path, self.camera.size_hw, self.kinds[kind].channels, self.kinds[kind].bits)
-
-    def _numbers(self, video: str) -> set[int]:
-        return {frame.number for frame in self.frames if frame.video == video}
-
 
 def _taken(values: Tensor, take: Take) -> Tensor:
     return torch.from_numpy(np.ascontiguousarray(take(values.movedim(0, -1).numpy()))).movedim(-1, 0)
-
-
-def named(folders: Iterable[Path]) -> dict[str, Path]:
-    """Folders by their names.
-
-    Raises:
-        DataError: a name is not UTF-8, so that no file of results could hold it.
-    """
-    found = {folder.name: folder for folder in folders}
-    for name in found:
-        try:
-            name.encode()
-        except UnicodeEncodeError:
-            raise DataError(f"{name!r}: the name of this folder is not UTF-8; rename it") from None
-    return found
-
-
-def check_root(root: Path) -> None:
-    """Refuse a root that is no folder.
-
-    Raises:
-        DataError: says what it should be.
-    """
-    if not root.is_dir():
-        raise DataError(f"data.root={root}: no such folder; it holds one folder for each video")

@@ -14,8 +14,9 @@ import torch
 from jaxtyping import Shaped
 from torch import Tensor
 
+from col3d.data.datasets.dataset_index import check_root, named
 from col3d.data.datasets.frame_files import Kind
-from col3d.data.datasets.frame_set import Depth, FrameSet, check_root, named
+from col3d.data.datasets.frame_set import Depth, FrameSet
 from col3d.geometry import Camera, PinholeCamera
 from col3d.registry import register_dataset
 

@@ -1,0 +1,46 @@
+"""Data sets whose videos are rendered where they are not there yet."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from col3d.data.datasets.videos import video_table
+from col3d.data.options import SourceOptions
+from col3d.data.processes import check_replaceable
+from col3d.phantom import PARTS, PhantomSettings, render_phantom
+from col3d.phantom.options import PhantomOptions
+from col3d.phantom.write import MANIFEST, video_is_complete
+from col3d.registry import DATASETS
+
+
+def is_rendered(source: SourceOptions) -> bool:
+    """Whether its videos are made where they are not there."""
+    rendered: bool = DATASETS[source.name].facts["rendered"]
+    return rendered
+
+
+def phantom_settings(
+    source: SourceOptions, options: PhantomOptions, videos: Iterable[str] | None = None
+) -> PhantomSettings:
+    """What is asked to be rendered: these videos, or all."""
+    height, width = options.size
+    asked = source.own.get("randomise", False)
+    randomise = tuple(part for part in PARTS if asked is True or (asked and part in asked))
+    return PhantomSettings(
+        size_hw=(height, width),
+        frames_per_video=options.frames_per_video,
+        seed=options.seed,
+        randomise=randomise,
+        videos=tuple(video_table() if videos is None else videos),
+    )
+
+
+def render_missing(root: Path, settings: PhantomSettings, workers: int | None = None) -> None:
+    """Render what a phantom lacks, once it is known that nothing of others is in the way of any video.
+
+    Raises:
+        DataError: names the folder that holds something else, and what.
+    """
+    for video in settings.videos:
+        if (root / video / MANIFEST).is_file() and not video_is_complete(root / video, settings):
+            check_replaceable(root / video)
+    render_phantom(root, settings, workers)
