@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+import yaml
 from tiny_run import composed
 
 from col3d.data.datasets.videos import describe, video_table

@@ -14,9 +14,10 @@ from tiny_run import SMALL, composed
 from torch import Tensor
 
 from col3d import weights
+from col3d.batch import Prediction
 from col3d.errors import UserError
 from col3d.evaluation.evaluate import evaluate
-from col3d.inference import predictor as learning
+from col3d.inference import trained_network as learning
 from col3d.inference.demo.answer import answer
 from col3d.inference.export.export import export
 from col3d.inference.fusion.fuse import fuse
@@ -25,7 +26,6 @@ from col3d.inference.predictor import load_predictor
 from col3d.inference.trained_network import SHIPPED, published_network
 from col3d.io.predictions import PredictionWriter
 from col3d.layers.encoder import Encoder
-from col3d.training.tasks import SupervisedTask
 from col3d.training.train import train
 
 pytestmark = pytest.mark.end_to_end
@@ -148,12 +148,6 @@ def test_depth_that_is_no_number_is_written_by_nobody(
     tiny_checkpoint: Path, phantom_root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As from weights that are finite, and too large."""
-    forward = SupervisedTask.forward
-
-    def overflows(task: SupervisedTask, batch: Any) -> Any:
-        found = forward(task, batch)
-        return {**found, "depth": found["depth"] * math.inf}
-
     network = load_predictor(tiny_checkpoint)
     called = type(network.network).forward
 
@@ -167,10 +161,9 @@ def test_depth_that_is_no_number_is_written_by_nobody(
         for run in (*found[:TRACED], *found[TRACED + 1 :]):
             with pytest.raises(UserError, match=r"depth .*is not finite|nothing was written"):
                 run()
+        with pytest.raises(UserError, match=r"depth of desc_t4_a:0 is not finite in the test"):
+            evaluate(composed("evaluate", f"checkpoint={tiny_checkpoint}", "accelerator=cpu", "split=test"))
     assert not list((tmp_path / "out").rglob("*.tiff"))
-    monkeypatch.setattr(SupervisedTask, "forward", overflows)
-    with pytest.raises(UserError, match=r"depth of desc_t4_a, frame 0, is not finite"):
-        evaluate(composed("evaluate", f"checkpoint={tiny_checkpoint}", "accelerator=cpu", "split=test"))
     with pytest.raises(UserError, match="normals of a, frame 3, is not finite"):
         PredictionWriter(tmp_path / "p", {"max_depth": 1.0}).add(
             "a", 3, np.ones((2, 2)), np.full((2, 2, 3), math.nan)
@@ -180,12 +173,10 @@ def test_depth_that_is_no_number_is_written_by_nobody(
 def test_a_test_that_gives_no_numbers_finishes_no_run(
     tiny: Compose, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    tested = SupervisedTask._tested
+    def overflows(prediction: Prediction) -> Prediction:
+        return {"depth": prediction["depth"] * math.inf}
 
-    def overflows(task: SupervisedTask, batch: Any) -> Any:
-        return {name: values * math.inf for name, values in tested(task, batch).items()}
-
-    monkeypatch.setattr(SupervisedTask, "_tested", overflows)
+    monkeypatch.setattr("col3d.evaluation.predict_frames.known_maps", overflows)
     with pytest.raises(UserError, match=r"depth of desc_t4_a:0 is not finite in the test"):
         train(tiny("model=bts", SMALL, "callbacks.panels=0"))
     assert not (tmp_path / "run" / "result.json").exists()
