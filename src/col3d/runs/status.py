@@ -15,7 +15,7 @@ from col3d.io.json_files import write_json
 from col3d.reports.jobs import LOCK, STATUS, read_plain
 from col3d.runs.provenance import command
 from col3d.runs.rank import is_first
-from col3d.signals import Stopped
+from col3d.signals import Stopped, children_unheard
 
 TRIES, PAUSE = 10, 0.05
 """A reader of the folder holds the lock for a moment, too."""
@@ -137,7 +137,7 @@ def reported(status: JobStatus) -> Iterator[JobStatus]:
         raise
     except BaseException as error:
         if status.begun:
-            with suppress(OSError):  # a full disk is among the reasons
+            with suppress(OSError), children_unheard():  # a full disk is among the reasons
                 status.write("failed", error=_last_line(error))
         raise
     status.write("done")

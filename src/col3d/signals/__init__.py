@@ -3,6 +3,7 @@
 What is saved then is the matter of `runs` and of each program.
 """
 
+from col3d.signals.children import children_unheard
 from col3d.signals.stop import INTERRUPTED, PREEMPTED, Stopped, StopSignals, stoppable
 
-__all__ = ["INTERRUPTED", "PREEMPTED", "StopSignals", "Stopped", "stoppable"]
+__all__ = ["INTERRUPTED", "PREEMPTED", "StopSignals", "Stopped", "children_unheard", "stoppable"]
