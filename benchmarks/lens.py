@@ -18,9 +18,9 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from col3d.data.checks.decode import read_whole
 from col3d.data.checks.lens import readings_of
 from col3d.data.checks.reproject import reproject, surface_error
+from col3d.data.checks.salvage import read_whole
 from col3d.data.datasets.c3vd import C3VD
 from col3d.data.datasets.frame_set import everywhere
 from col3d.data.datasets.release import disagreement

@@ -7,9 +7,9 @@ import pytest
 
 from col3d.data.datasets.octagon import octagon_mask
 from col3d.phantom import PhantomSettings, phantom_camera
-from col3d.phantom.appearance import Hits, Mucosa, Radiance
 from col3d.phantom.look import LOOKS, Light, Sensor
 from col3d.phantom.sensor import develop
+from col3d.phantom.shading import Hits, Mucosa, Radiance
 from col3d.phantom.write import Scene, scene_of
 
 SETTINGS = PhantomSettings(size_hw=(54, 68), frames_per_video=2, videos=("trans_t2_a",))

@@ -108,11 +108,16 @@ def test_a_preparation_that_is_stopped_goes_on(signum: int, workers: int, tmp_pa
 
 
 @pytest.mark.parametrize("signum", CODES)
-def test_an_evaluation_that_is_stopped_goes_on(signum: int, tmp_path: Path) -> None:
+def test_an_evaluation_that_is_stopped_leaves_no_tables(signum: int, tmp_path: Path) -> None:
     given = (
         *("checkpoint=shipped", "accelerator=cpu", "data=phantom", "data/split=custom", "data.test=null"),
         *("data.split.train=[]", "data.split.val=[]", "data.split.test=[cecum_t1_a]", "panels=1"),
-        *("phantom.size=[64,80]", "phantom.frames_per_video=60", f"data.root={tmp_path / 'frames'}"),
+        *(
+            "predictions=true",
+            "phantom.size=[64,80]",
+            "phantom.frames_per_video=60",
+            f"data.root={tmp_path / 'frames'}",
+        ),
         f"output_dir={tmp_path / 'scored'}",
     )
     code, said, complained = stopped(
@@ -123,8 +128,9 @@ def test_an_evaluation_that_is_stopped_goes_on(signum: int, tmp_path: Path) -> N
         ready=lambda: any(tmp_path.rglob("*.npz.partial")),
     )
     assert (code, complained) == (CODES[signal.Signals(signum)], "")
-    assert said.splitlines()[-1] == "stopped; tables that are written stay, and the same command goes on"
+    assert said.splitlines()[-1] == "stopped; the same command begins again, and nothing of before was lost"
     assert hidden(tmp_path) == []
+    assert not list(tmp_path.rglob("*.partial"))
     assert not list(tmp_path.rglob("summary.json"))
 
 

@@ -49,7 +49,7 @@ class WeightedOrder(Sampler[int]):
     Args:
         parts: number of frames and weight of each data set.
         seed: of the order.
-        rank: of this process; each gets as many frames, the first ones again where they do not go up.
+        rank: of this process; the order is padded with its first frames where it is not divisible.
         world_size: number of processes.
     """
 

@@ -10,10 +10,10 @@ from col3d.data.datamodule import FrameDataModule, Frames
 from col3d.errors import UserError
 from col3d.evaluation.options import EvaluateOptions, ProtocolOptions, build_protocol
 from col3d.evaluation.predict_frames import Mirror
+from col3d.evaluation.protocol_truth import one_by_one, own_truth
 from col3d.evaluation.results import Results, facts_of
 from col3d.evaluation.scorer import Scoring, score_network
 from col3d.evaluation.setup import EvaluationSetup, evaluation_setup
-from col3d.evaluation.truth import one_by_one, own_truth
 from col3d.inference.compiled import compile_network
 from col3d.inference.trained_network import SHIPPED
 from col3d.io.ownership import Owned

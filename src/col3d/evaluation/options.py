@@ -73,7 +73,7 @@ class EvaluateOptions(Options):
     @model_validator(mode="after")
     def _fits(self) -> "EvaluateOptions":
         if self.max_depth is not None and self.published is None:
-            raise ValueError("max_depth: our checkpoints know theirs; it is for published weights")
+            raise ValueError("max_depth: only for published weights; our checkpoints store it")
         if self.data is not None:
             self.data.split.needs("data.split", self.split)
             if self.data.test or self.data.also:

@@ -36,7 +36,7 @@ class Scored:
         return shared_with_training(entries, getattr(self.source.split, self.part)) if entries else []
 
     def print_audit(self) -> None:
-        """Say it."""
+        """Print what the scored part shares with the training videos."""
         if not self._alike:
             trained = " and ".join(source.name for source in self.trained)
             print(f"{self.part} is of {self.source.name}, of which nothing was trained on ({trained} was)")

@@ -24,7 +24,7 @@ class CheckpointOptions(Options):
     def _knows_its_own(self) -> "CheckpointOptions":
         for option, value in (("max_depth", self.max_depth), ("size", self.size)):
             if value is not None and self.published is None:
-                raise ValueError(f"{option}: our checkpoints know theirs; it is for published weights")
+                raise ValueError(f"{option}: only for published weights; our checkpoints store it")
         if self.published is not None and self.checkpoint is None:
             raise ValueError("checkpoint: a value is needed for published weights")
         return self
@@ -97,7 +97,7 @@ class FuseOptions(Options):
             if self.scale != "none":
                 raise ValueError("scale: is of predictions; give checkpoint=PATH")
         elif self.published is None and (self.size or self.max_depth):
-            raise ValueError("size, max_depth: our checkpoints know theirs; they are for published weights")
+            raise ValueError("size, max_depth: only for published weights; our checkpoints store them")
         return self
 
 
@@ -114,7 +114,7 @@ class ExportOptions(CheckpointOptions):
     @model_validator(mode="after")
     def _knows_its_own(self) -> "ExportOptions":
         if self.max_depth is not None and self.published is None:
-            raise ValueError("max_depth: our checkpoints know theirs; it is for published weights")
+            raise ValueError("max_depth: only for published weights; our checkpoints store it")
         return self
 
     @model_validator(mode="after")

@@ -112,7 +112,7 @@ def load_predictor(
         return Predictor(network, published, (height, width), max_depth or MAX_DEPTH, (), ())
     if max_depth is not None or size is not None:
         option = "max_depth" if size is None else "size"
-        raise UserError(f"{option}: our checkpoints know theirs; it is for published weights")
+        raise UserError(f"{option}: only for published weights; our checkpoints store it")
     found = trained_network(path)
     trained, model = found.trained, found.trained.model
     return Predictor(

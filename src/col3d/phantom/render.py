@@ -12,9 +12,9 @@ from col3d.data.datasets.octagon import octagon_mask
 from col3d.data.datasets.release import FULL_CODE
 from col3d.geometry import Camera
 from col3d.phantom.anatomy import Colon
-from col3d.phantom.appearance import Hits, Mucosa, Radiance, turned
 from col3d.phantom.look import Look
 from col3d.phantom.sensor import develop, light_of
+from col3d.phantom.shading import Hits, Mucosa, Radiance, turned
 
 GRAZING = 1e-3
 """Least cosine at which a stored normal faces its ray; interpolated ones may turn away at outlines."""

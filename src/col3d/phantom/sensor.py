@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float32, UInt8
 
-from col3d.phantom.appearance import Radiance
 from col3d.phantom.look import Look, Sensor
+from col3d.phantom.shading import Radiance
 
 SPREAD = (1.0, 0.6, 0.4)
 """How much of the light that wanders under the surface is red, green, blue."""

@@ -16,12 +16,12 @@ from col3d.data.datasets.videos import seeded_name, video_table
 from col3d.data.processes import whole_folder
 from col3d.errors import DataError
 from col3d.phantom.anatomy import build_colon
-from col3d.phantom.appearance import Mucosa
 from col3d.phantom.coverage import Coverage
 from col3d.phantom.look import LOOKS
 from col3d.phantom.render import Frame, Renderer
 from col3d.phantom.segments import SEGMENTS
 from col3d.phantom.settings import PhantomSettings, phantom_camera, random_stream
+from col3d.phantom.shading import Mucosa
 from col3d.phantom.trajectory import camera_poses
 
 MANIFEST = "phantom.json"

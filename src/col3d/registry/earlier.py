@@ -27,7 +27,7 @@ ADDED: dict[str, Any] = {
     "optimizer.dampening": 0,
     "trainer.num_nodes": 1,
 }
-"""Options that came later, and what runs without them had."""
+"""Options added later, with the value that earlier runs implicitly used."""
 
 
 def updated(options: dict[str, Any]) -> dict[str, Any]:

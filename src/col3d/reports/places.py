@@ -1,4 +1,4 @@
-"""What is meant for others names no folder, user or host of the machine that it was made on."""
+"""Removes names of folders, users and hosts from what is meant to be shared."""
 
 import getpass
 import re

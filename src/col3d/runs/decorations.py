@@ -1,4 +1,4 @@
-"""What is made after a result is written, and may fail without it."""
+"""Optional outputs, such as cost, panels and page: where one fails, a note says so and the result stands."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager

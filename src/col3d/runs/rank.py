@@ -30,7 +30,7 @@ def wait_for_all() -> None:
 
 
 def exit_with_rank_zero() -> None:
-    """Let a process that Lightning's first one starts not outlive it, waiting for it in vain."""
+    """Make worker processes exit when the first one is gone."""
     if is_first():
         os.environ[FIRST] = str(os.getpid())
     elif FIRST in os.environ:

@@ -7,8 +7,8 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from col3d.data.fingerprint import data_state
 from col3d.data.options import DataOptions
-from col3d.data.state import data_state
 from col3d.io.json_files import write_json
 from col3d.phantom.options import PhantomOptions
 from col3d.registry.plugins import code as plugin_code

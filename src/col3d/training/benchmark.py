@@ -14,7 +14,7 @@ import torch
 
 from col3d.data.build import data_module, resolve_source_paths
 from col3d.errors import UserError
-from col3d.evaluation.truth_files import keep_truth
+from col3d.evaluation.stored_truth import keep_truth
 from col3d.io.ownership import Owned
 from col3d.registry.refusals import check_options
 from col3d.reports.jobs import add_to_plan, is_locked, read_job

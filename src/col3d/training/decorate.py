@@ -21,8 +21,8 @@ from col3d.runs.environment import device_for
 from col3d.runs.folder import BEST, DECORATIONS, FILES, KIND, PREDICTIONS, RunFolder, say_changes
 from col3d.runs.rank import is_first, wait_for_all
 from col3d.runs.starts import this_start
-from col3d.training.best_weights import best_network, score_best
 from col3d.training.cost import measure_cost
+from col3d.training.final_test import best_network, score_best
 from col3d.training.options import TrainOptions
 from col3d.training.run_request import weight_files
 

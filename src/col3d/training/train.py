@@ -26,15 +26,15 @@ from col3d.runs.checkpoint_callbacks import About, BestCheckpoint, LastCheckpoin
 from col3d.runs.environment import check_accelerator, quiet
 from col3d.runs.folder import CHECKPOINTS, KIND, RunFolder
 from col3d.runs.known_failures import as_user_errors
+from col3d.runs.lock import locked
 from col3d.runs.logger_options import check_installed
 from col3d.runs.metrics_file import MetricsFile, RowsInCheckpoints
+from col3d.runs.open_loggers import loggers_of
 from col3d.runs.provenance import provenance
 from col3d.runs.rank import exit_with_rank_zero, is_first
 from col3d.runs.starts import this_start
-from col3d.runs.status import JobStatus, locked, reported
-from col3d.runs.tracking import loggers_of
+from col3d.runs.status import JobStatus, reported
 from col3d.signals import Stopped, StopSignals
-from col3d.training.best_weights import best_network, score_best
 from col3d.training.build import build_task
 from col3d.training.callback_options import callbacks_of
 from col3d.training.callbacks.epoch_lines import EpochLines
@@ -43,6 +43,7 @@ from col3d.training.callbacks.named import StoppedEarly, unheard
 from col3d.training.callbacks.same_batches import SameBatches
 from col3d.training.callbacks.unfreeze import Unfreeze
 from col3d.training.decorate import decorate, show_again
+from col3d.training.final_test import best_network, score_best
 from col3d.training.initial_weights import begin_from
 from col3d.training.options import TrainOptions
 from col3d.training.run_request import run_request, weight_files

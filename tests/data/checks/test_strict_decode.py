@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from col3d.data.checks.decode import read_in_part
+from col3d.data.checks.salvage import read_in_part
 from col3d.data.files.decode import read_whole
 from col3d.errors import DataError
 

@@ -9,9 +9,9 @@ import pytest
 import tifffile
 from PIL import Image
 
-from col3d.data.files.containers import container_of, declared_length, missing_bytes
 from col3d.data.files.images import image_source
 from col3d.data.files.sources import SourceImage
+from col3d.data.files.video_containers import container_of, declared_length, missing_bytes
 from col3d.errors import DataError
 
 SIZE = (64, 96)

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float32, UInt8
 
-from col3d.data.checks.decode import read_in_part
+from col3d.data.checks.salvage import read_in_part
 from col3d.data.datasets.frame_files import Frame
 from col3d.data.datasets.frame_set import FrameSet
 from col3d.errors import DataError

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from col3d.data.datasets.c3vd import C3VD
 from col3d.data.datasets.simcol3d import SimCol3D
-from col3d.data.files.containers import container_of
 from col3d.data.files.headers import read_header
 from col3d.data.files.photos import Photos, choose_photos, is_photo_folder, kind_by_name
 from col3d.data.files.sources import ImageSource, SourceImage, check_sides, read_image
+from col3d.data.files.video_containers import container_of
 from col3d.data.files.video_files import VideoFile, as_pictures
 from col3d.errors import DataError, DiskError
 from col3d.io.formats import MOVING_FORMATS, image_format

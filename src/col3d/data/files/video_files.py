@@ -9,11 +9,11 @@ import cv2
 import numpy as np
 from PIL import Image
 
-from col3d.data.files.containers import container_of, declared_length, missing_bytes
 from col3d.data.files.decode import TAKEN, read_rgb8, refusals
 from col3d.data.files.headers import check_photo, read_header
 from col3d.data.files.sources import ImageSource, SourceImage, check_sides
 from col3d.data.files.tiff import page_numbers
+from col3d.data.files.video_containers import container_of, declared_length, missing_bytes
 from col3d.errors import DataError, DiskError
 from col3d.io.formats import MOVING_FORMATS, image_format, open_video
 

@@ -51,7 +51,7 @@ def draw(found: Found, out: Path, truth: Path | None) -> Drawn:
     Args:
         found: the runs.
         out: folder of the PNG files; made where it is not there, figures of before are replaced.
-        truth: folder that `col3d.evaluation.truth_files.keep_truth` wrote, where there is one.
+        truth: folder that `col3d.evaluation.stored_truth.keep_truth` wrote, where there is one.
 
     Returns:
         The figures in the order of a report, and for each that is left out a line that says why.

@@ -13,7 +13,7 @@ class EpochLines(Callback):
     """Prints losses, watched metrics and those of plugins, the time of the epoch and what is left.
 
     Args:
-        then: what else wants to know that so many epochs are done.
+        then: is called with the number of finished epochs.
     """
 
     SHOWN = ("train/loss", "val/loss", "val/abs_rel", "val/delta1", "val/angle_mean")

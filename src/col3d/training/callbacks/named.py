@@ -1,4 +1,4 @@
-"""Callbacks by name: those of Lightning that fit a training that goes on after any kill, and averages."""
+"""Lightning's callbacks offered by name, those that are safe to resume, and averages of weights."""
 
 from collections.abc import Iterable
 from typing import Any

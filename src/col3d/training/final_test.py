@@ -6,9 +6,9 @@ from col3d.data.datamodule import FrameDataModule
 from col3d.errors import UserError
 from col3d.evaluation.options import build_protocol
 from col3d.evaluation.predict_frames import Mirror
+from col3d.evaluation.protocol_truth import one_by_one, own_truth
 from col3d.evaluation.results import Results
 from col3d.evaluation.scorer import Scoring, score_network
-from col3d.evaluation.truth import one_by_one, own_truth
 from col3d.inference.trained_network import TrainedNetwork, trained_network
 from col3d.io.predictions import PredictionWriter
 from col3d.runs.checkpoints import DamagedError, read_checkpoint

@@ -1,4 +1,4 @@
-"""What a protocol holds predictions against, where that is not the frames at the network's size."""
+"""Ground truth of protocols that score at native resolution, or against truth resized as published."""
 
 from collections.abc import Iterator, Sequence
 

@@ -1,4 +1,4 @@
-"""Keeps the truth of a part of a split beside predictions, for figures that are drawn without torch."""
+"""Ground truth of a split stored beside predictions, for figures that are drawn without torch."""
 
 from pathlib import Path
 

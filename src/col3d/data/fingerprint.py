@@ -1,4 +1,4 @@
-"""What the files of data sets are at a moment: sizes and times of change, or the sums of a store."""
+"""Fingerprint of the files of data sets: sizes and times of change, or the sums of a store."""
 
 import hashlib
 from collections import defaultdict
