@@ -18,6 +18,8 @@ from col3d.errors import DataError, UserError
 from col3d.inference.cameras import camera_at
 from col3d.inference.fusion.fuse import fuse
 
+pytestmark = pytest.mark.end_to_end
+
 VIDEO = "desc_t4_a"
 AUTO = dict.fromkeys(("direction", "axes", "unit", "first"), "auto")
 EVERY_READING = [PoseReading(*fields) for fields in product(DIRECTIONS, AXES, UNITS)]
