@@ -109,6 +109,7 @@ def one_process(rank: int, folder: str) -> None:
     distributed.destroy_process_group()
 
 
+@pytest.mark.end_to_end
 def test_two_processes_are_one(tmp_path: Path) -> None:
     multiprocessing.spawn(one_process, (str(tmp_path),), nprocs=2)  # type: ignore[attr-defined, no-untyped-call]
     preds, target, mask = maps(1)

@@ -47,6 +47,7 @@ def mutations(content: dict[str, Any]) -> Iterator[tuple[str, Any]]:
                 yield f"inside {key}", content | {key: inside}
 
 
+@pytest.mark.end_to_end
 def test_every_reader_of_a_summary(tmp_path: Path) -> None:
     folder = write_run(tmp_path / "runs" / "bts_0", frames=2)
     write_run(tmp_path / "runs" / "bts_1", seed=1, frames=2)

@@ -167,6 +167,7 @@ def test_every_step_epoch_and_seed_draws_numbers_of_its_own() -> None:
     assert len({*first, *draws(2)}) == 2 * len(first) == 2 * 3 * 2 * 2
 
 
+@pytest.mark.end_to_end
 def test_two_processes_take_the_steps_that_one_takes_with_the_frames_of_both(tmp_path: Path) -> None:
     """Lightning starts the second process by the command line, so this runs a program."""
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
