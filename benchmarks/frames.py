@@ -8,7 +8,8 @@ from itertools import cycle, islice
 from pathlib import Path
 
 from col3d.data.cache import Recipe, StoredVideo, read_video, write_video
-from col3d.data.datasets.c3vd import C3VD, C3VDv2
+from col3d.data.datasets.c3vd import C3VD
+from col3d.data.datasets.c3vdv2 import C3VDv2
 from col3d.data.datasets.frame_set import FrameSet
 from col3d.data.sized import Resized
 from col3d.errors import DataError

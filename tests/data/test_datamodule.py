@@ -16,8 +16,9 @@ import pytest
 import torch
 from torch.utils.data import Dataset
 
-from col3d.data.datamodule import FrameDataModule, ShardedSampler, WeightedOrder
+from col3d.data.datamodule import FrameDataModule
 from col3d.data.resize import Resize
+from col3d.data.samplers import ShardedSampler, WeightedOrder
 from col3d.data.transforms import Augment
 from col3d.data.workers import SteadyLoader
 

@@ -13,7 +13,8 @@ from typing import Any
 
 import pytest
 
-from col3d.data.processes import in_processes, remove_stale, whole_folder
+from col3d.data.processes import in_processes
+from col3d.data.whole_folder import remove_stale, whole_folder
 from col3d.errors import DataError, UserError
 
 

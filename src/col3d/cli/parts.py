@@ -14,7 +14,7 @@ from omegaconf import OmegaConf
 
 from col3d.errors import OptionError
 from col3d.registry import DATASETS, GROUPS, Part, plugins
-from col3d.registry.schema import is_group
+from col3d.registry.annotations import is_group
 
 OPTION = "plugins="
 USUAL = {"task": "supervised"}

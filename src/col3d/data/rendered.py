@@ -5,7 +5,7 @@ from pathlib import Path
 
 from col3d.data.datasets.videos import video_table
 from col3d.data.options import SourceOptions
-from col3d.data.processes import check_replaceable
+from col3d.data.whole_folder import check_replaceable
 from col3d.phantom import PARTS, PhantomSettings, render_phantom
 from col3d.phantom.options import PhantomOptions
 from col3d.phantom.write import MANIFEST, video_is_complete

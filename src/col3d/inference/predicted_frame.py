@@ -17,6 +17,8 @@ from col3d.reports.previews import SideBySide, depth_picture, normals_picture
 
 TENS = 10.0
 """Millimetres in which the colours of a video grow."""
+EVERY = 4
+"""Pixels from one at which flicker is measured to the next."""
 SHOWN = 360
 """Height of pictures in previews."""
 
@@ -117,3 +119,11 @@ class Pictures:
             titles = ("image", "depth", "normals")[:count]
             self.pages = {key: SideBySide(titles, (SHOWN, width), *span, self.unit)}
         return self.pages[key]
+
+
+def sparse_depth(frame: Predicted) -> torch.Tensor:
+    """Depth (1, 1, h, w) of every fourth pixel each way, NaN where the endoscope shows nothing."""
+    depth = torch.from_numpy(frame.depth)[::EVERY, ::EVERY]
+    if frame.mask is not None:
+        depth = depth.masked_fill(~torch.from_numpy(frame.mask)[::EVERY, ::EVERY], torch.nan)
+    return depth[None, None]

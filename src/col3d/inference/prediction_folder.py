@@ -2,11 +2,8 @@
 
 import csv
 import io
-import json
-import os
 from collections import deque
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Any
@@ -16,15 +13,15 @@ import torch
 from PIL import Image
 
 from col3d.data.files.images import ImageSource, SourceImage
-from col3d.errors import UserError, naming
+from col3d.errors import naming
 from col3d.geometry import Camera
 from col3d.geometry.camera_file import plain_from_camera
 from col3d.inference.options import PredictOptions
-from col3d.inference.predicted_frame import Clouds, CodeFiles, Pictures, Predicted
+from col3d.inference.predicted_frame import Clouds, CodeFiles, Pictures, Predicted, sparse_depth
+from col3d.inference.prediction_place import CHART, FILES, PARTS, SUMMARY, TABLE, VIDEO, check_room
 from col3d.inference.predictor import Predictor
 from col3d.io.atomic import write_whole
 from col3d.io.json_files import write_json
-from col3d.io.ownership import Owned
 from col3d.metrics.functional.flicker import temporal_flicker
 from col3d.reports.over_time import draw_over_time
 from col3d.reports.video import VideoWriter
@@ -35,19 +32,10 @@ COLUMNS = (
     *("name", "frame", "height", "width", "unit", "depth_min", "depth_median", "depth_max"),
     *("out_of_range", "flicker", "seconds", "fault"),
 )
-TABLE, SUMMARY, VIDEO, CHART = "predictions.csv", "summary.json", "side_by_side.mp4", "over_time.png"
-FILES = (TABLE, SUMMARY, VIDEO, CHART)
-PARTS = ("frames", "previews", "clouds", *FILES)
-"""All that is written."""
-ALMOST_ALL = 0.99
-"""Share of the network's largest depth from which a pixel counts as out of its range."""
+ALMOST_ALL = 0.99  # of the network's largest depth: from there a pixel counts as out of its range
 FPS = 15.0
-EVERY = 4
-"""Pixels from one at which flicker is measured to the next."""
-MOST_FAULTS = 5
-"""Images that are named on screen as skipped."""
-PENDING = 8
-"""Frames whose files may wait for the disk."""
+MOST_FAULTS = 5  # images that are named on screen as skipped
+PENDING = 8  # frames whose files may wait for the disk
 
 
 class PredictionFolder:
@@ -85,8 +73,7 @@ class PredictionFolder:
         self.early: list[dict[str, Any]] = []
         self.pool, self.pending = ThreadPoolExecutor(2), deque[Future[None]]()
         self.recent: deque[tuple[dict[str, Any], torch.Tensor | None]] = deque(maxlen=3)
-        self.written, self.faults, self.flicker = 0, list[str](), list[float]()
-        self.seconds: list[float] = []
+        self.written, self.faults, self.flicker, self.seconds = 0, list[str](), list[float](), list[float]()
         self.video_fault: OSError | None = None
 
     def __enter__(self) -> "PredictionFolder":
@@ -151,7 +138,7 @@ class PredictionFolder:
         self.owned.claim(*self._names(frame, page is not None, with_cloud))
         self.pending.append(self.pool.submit(self._write_files, frame, page, with_cloud))
         self._wait(PENDING)
-        self._add_row(row, _sparse(frame))
+        self._add_row(row, sparse_depth(frame))
         self.written += 1
         self.seconds.append(frame.seconds)
 
@@ -261,53 +248,3 @@ class PredictionFolder:
             "video_code": self.video.code or None,
             **provenance(),
         }
-
-
-def _sparse(frame: Predicted) -> torch.Tensor:
-    """Depth (1, 1, h, w) of every fourth pixel each way, NaN where the endoscope shows nothing."""
-    depth = torch.from_numpy(frame.depth)[::EVERY, ::EVERY]
-    if frame.mask is not None:
-        depth = depth.masked_fill(~torch.from_numpy(frame.mask)[::EVERY, ::EVERY], torch.nan)
-    return depth[None, None]
-
-
-def check_room(path: Path, options: PredictOptions, source: ImageSource) -> Owned:
-    """What of a folder is an earlier prediction, where nothing of others and no input would be lost."""
-    if path.exists() and not path.is_dir():
-        raise UserError(f"output: {path} is a file; name a folder")
-    _check_parent(path)
-    owned = Owned(path, "prediction", "output")
-    for part in PARTS:
-        ours = any(name.split("/")[0] == part for name in owned.names)
-        if (path / part).exists() and not ours and not _is_empty_folder(path / part):
-            raise UserError(
-                f"output: {path} holds {part}, which is of no prediction of this program; name another folder"
-            )
-    written = {(path / name).resolve() for name in owned.there()}
-    if any(file.resolve() in written for file in source.paths):
-        raise UserError(f"output: {path} holds the input, {options.input}; name another folder")
-    ended = (path / SUMMARY).resolve() in written and not _is_lacking(path / SUMMARY)
-    if ended and not options.overwrite:  # early or not
-        raise UserError(f"output: {path} holds a prediction already; name another folder or overwrite=true")
-    return owned
-
-
-def _check_parent(path: Path) -> None:
-    """Refuse a folder that cannot be made, before anything is predicted for it."""
-    there = next(part for part in (path.absolute(), *path.absolute().parents) if part.exists())
-    if not there.is_dir():
-        raise UserError(f"output: {path} cannot be made, for {there} is a file; name another folder")
-    if not os.access(there, os.W_OK | os.X_OK):
-        raise UserError(f"output: {path} cannot be made, for nothing can be written to {there}")
-
-
-def _is_empty_folder(path: Path) -> bool:
-    """Such as a prediction leaves whose disk was full before its first frame."""
-    return path.is_dir() and not path.is_symlink() and not any(path.iterdir())
-
-
-def _is_lacking(summary: Path) -> bool:
-    """Whether an earlier prediction says that something of it could not be made."""
-    with suppress(OSError, ValueError, AttributeError):
-        return bool(json.loads(summary.read_text(encoding="utf-8")).get("undone"))
-    return False

@@ -9,7 +9,8 @@ from pydantic_core import PydanticUndefined
 
 from col3d.errors import OptionError
 from col3d.registry import MODELS, Part
-from col3d.registry.schema import NoneWord, Options, plain
+from col3d.registry.annotations import plain
+from col3d.registry.schema import NoneWord, Options
 
 MaxDepth = Annotated[float, Field(gt=0)]
 """Upper bound of the depth in mm."""

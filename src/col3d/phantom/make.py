@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from col3d.data.processes import in_processes, remove_stale
+from col3d.data.processes import in_processes
+from col3d.data.whole_folder import remove_stale
 from col3d.phantom.settings import PhantomSettings
 from col3d.phantom.write import check_root, render_video, video_is_complete
 

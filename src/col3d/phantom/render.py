@@ -7,7 +7,8 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float32, Float64, Int, UInt8, UInt16
 
-from col3d.data.datasets.c3vd import MAX_DEPTH, MAX_FLOW
+from col3d.data.datasets.c3vd import MAX_DEPTH
+from col3d.data.datasets.flow import MAX_FLOW
 from col3d.data.datasets.octagon import octagon_mask
 from col3d.data.datasets.release import FULL_CODE
 from col3d.geometry import Camera
@@ -24,8 +25,7 @@ SHADED_GRID = 540
 """Least height in pixels of the grid on which colour is found."""
 BAND = 16384
 """Rays that are worked on at once, so that what belongs to them stays in the cache."""
-OFF_WALL = 0.02
-"""Distance in mm from the wall at which further rays start or end."""
+OFF_WALL = 0.02  # mm from the wall at which further rays start or end
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from jaxtyping import Float64
 
 from col3d.data.datasets.coverage_mesh import COVERAGE_MESH, write_coverage_mesh
 from col3d.data.datasets.videos import seeded_name, video_table
-from col3d.data.processes import whole_folder
+from col3d.data.whole_folder import whole_folder
 from col3d.errors import DataError
 from col3d.phantom.anatomy import build_colon
 from col3d.phantom.coverage import Coverage

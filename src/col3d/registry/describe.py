@@ -6,9 +6,10 @@ from typing import Any
 from pydantic_core import PydanticUndefined
 
 from col3d.errors import OptionError, nearest_name
+from col3d.registry.annotations import is_group, plain, rule
 from col3d.registry.kinds import KINDS
 from col3d.registry.parts import Registry
-from col3d.registry.schema import is_group, place_of, plain, rule
+from col3d.registry.schema import place_of
 
 
 def available(kind: str) -> list[str]:

@@ -6,20 +6,17 @@ import inspect
 import warnings
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, is_dataclass
 from pathlib import Path
-from types import MappingProxyType, NoneType, UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+from types import MappingProxyType, NoneType
+from typing import Annotated, Any, get_args, get_type_hints
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model, field_validator
-from pydantic.fields import FieldInfo
 from pydantic_core import PydanticCustomError, PydanticUndefined
 
 from col3d.errors import OptionError, nearest_name
+from col3d.registry.annotations import bare, is_group, is_plain, is_plain_type, plain, plain_part
 
 LARGEST, LARGEST_WHOLE = 1e30, 1e18
-PLAIN = (bool, int, float, str, NoneType, Path)
-CONTAINERS = (list, tuple, Sequence, dict, Mapping, Literal, Union, UnionType, Annotated)
 
 CHECKERS_NAMES = {**vars(collections.abc), "Iterable": Sequence}
 """What libraries import for annotations alone; pydantic would read an `Iterable` only when it is used."""
@@ -86,9 +83,9 @@ def parameters(build: Callable[..., Any], supplied: Collection[str] = ()) -> dic
         rest = parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
         if rest or name in supplied or name.startswith("_"):
             continue
-        annotation = _plain_part(hints.get(name, Any))
+        annotation = plain_part(hints.get(name, Any))
         required = parameter.default is parameter.empty
-        if not _is_plain_type(annotation) or not (required or _is_plain(parameter.default)):
+        if not is_plain_type(annotation) or not (required or is_plain(parameter.default)):
             if required:
                 raise SignatureError(
                     f"{place_of(build)}: parameter {name!r} needs a default, or a type of plain values "
@@ -122,7 +119,7 @@ def options_of(
     """
     fields: dict[str, Any] = {}
     for name, (annotation, default) in parameters(build, supplied).items():
-        may_be_none = default is None or NoneType in get_args(_bare(annotation))
+        may_be_none = default is None or NoneType in get_args(bare(annotation))
         kind = Annotated[annotation | None, NoneWord] if may_be_none else annotation
         if Path in (annotation, *get_args(annotation)):
             kind = Annotated[kind, BeforeValidator(_no_empty_path)]
@@ -155,33 +152,6 @@ def check_names(group: str, given: Mapping[str, Any], options: type[BaseModel]) 
         raise OptionError("\n".join(f"{name}: no such option{nearest_name(name, known)}" for name in unknown))
 
 
-def rule(annotation: Any) -> str:
-    """What a value has to be, in words: its type and the bounds of pydantic or annotated-types.
-
-    >>> rule(Annotated[float, Field(ge=0, lt=1)])
-    'float, ge=0, lt=1'
-    """
-    origin, inner = get_origin(annotation), get_args(annotation)
-    if origin in (Union, UnionType):
-        return " or ".join(map(rule, inner))
-    if origin is Literal:
-        return " or ".join(map(repr, inner))
-    if origin is Annotated:
-        bounds = FieldInfo.from_annotation(annotation).metadata
-        said = [asdict(bound) for bound in bounds if is_dataclass(bound) and not isinstance(bound, type)]
-        return ", ".join(
-            [rule(inner[0]), *(f"{key}={value}" for bound in said for key, value in bound.items())]
-        )
-    if annotation is NoneType:
-        return "null"
-    named = isinstance(annotation, type) and not inner
-    return (
-        annotation.__name__
-        if named
-        else str(annotation).replace("typing.", "").replace("collections.abc.", "")
-    )
-
-
 def defaults(found: Mapping[str, tuple[Any, Any]]) -> dict[str, Any]:
     """Defaults of `parameters` as YAML has them: `???` for what is needed, groups with their own inside.
 
@@ -196,22 +166,6 @@ def _default(annotation: Any, default: Any) -> Any:
         fields = annotation.model_fields.items()
         return {name: _default(field.annotation, field.default) for name, field in fields}
     return "???" if default is PydanticUndefined else plain(default)
-
-
-def is_group(annotation: Any) -> bool:
-    """Whether a parameter is a group of options of its own."""
-    return isinstance(annotation, type) and issubclass(annotation, Options)
-
-
-def plain(value: Any) -> Any:
-    """A default as YAML has it: tuples as lists, paths as text, options as a mapping."""
-    if isinstance(value, BaseModel):
-        value = value.model_dump()
-    if isinstance(value, Mapping):
-        return {str(key): plain(inner) for key, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(inner) for inner in value]
-    return str(value) if isinstance(value, Path) else value
 
 
 def home_of(build: Callable[..., Any]) -> Any:
@@ -247,35 +201,3 @@ def _hints(build: Callable[..., Any]) -> dict[str, Any]:
         return get_type_hints(target, localns=CHECKERS_NAMES, include_extras=True)
     except NameError as error:
         raise SignatureError(f"{place_of(build)}: {error} (in its annotations)") from None
-
-
-def _bare(annotation: Any) -> Any:
-    return get_args(annotation)[0] if get_origin(annotation) is Annotated else annotation
-
-
-def _plain_part(annotation: Any) -> Any:
-    """A type without what no option can be: `float | Tensor` is a float, inside of a tuple, too."""
-    inner, origin = get_args(annotation), get_origin(annotation)
-    if origin in (Union, UnionType):
-        arms = [_plain_part(arm) for arm in inner if _is_plain_type(_plain_part(arm))]
-        return Union[tuple(arms)] if arms else annotation  # noqa: UP007 - of arms that vary
-    if origin is tuple:
-        return tuple.__class_getitem__(tuple(arm if arm is Ellipsis else _plain_part(arm) for arm in inner))
-    return annotation
-
-
-def _is_plain_type(annotation: Any) -> bool:
-    annotation = _bare(annotation)
-    origin = get_origin(annotation)
-    if annotation is Any or annotation in (*PLAIN, *CONTAINERS) or origin is Literal or is_group(annotation):
-        return True
-    inner = [kind for kind in get_args(annotation) if kind is not Ellipsis]
-    return origin in CONTAINERS and all(map(_is_plain_type, inner))
-
-
-def _is_plain(value: Any) -> bool:
-    if isinstance(value, Mapping):
-        return all(isinstance(key, str) and _is_plain(inner) for key, inner in value.items())
-    if isinstance(value, list | tuple):
-        return all(map(_is_plain, value))
-    return isinstance(value, PLAIN)

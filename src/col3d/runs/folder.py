@@ -1,8 +1,6 @@
 """The folder of a run: what lies there already, and what may be replaced."""
 
-from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +11,6 @@ from col3d.io.atomic import write_whole
 from col3d.io.json_files import write_json
 from col3d.io.ownership import Owned
 from col3d.io.predictions import INDEX, owned_predictions
-from col3d.registry.schema import Options
 from col3d.reports.jobs import RESULT, STATUS, TRAINING, read_plain
 from col3d.reports.run_page import PAGE
 from col3d.runs.checkpoint_callbacks import BestCheckpoint
@@ -22,6 +19,7 @@ from col3d.runs.identity import differing, hash_of
 from col3d.runs.loggers import ID, MLFLOW_ID
 from col3d.runs.metrics_file import ROWS
 from col3d.runs.overwriting import is_replaced
+from col3d.runs.request import RunRequest
 from col3d.runs.starts import STARTS, Start, Starts
 
 CONFIG = "config.yaml"
@@ -36,39 +34,6 @@ FILES = (
 )
 DECORATIONS = ("cost", "panels", PAGE)
 """What is made after the result, and can be made again."""
-
-
-@dataclass(frozen=True)
-class RunRequest:
-    """The run that is asked for, as far as its folder has to know it.
-
-    Attributes:
-        path: of the folder.
-        options: all of them; what is written into config.yaml.
-        completed: options of an earlier run -> the same with the defaults of those that came since.
-        overwrite: whether another run may be replaced.
-        epochs: of the whole training.
-        can_be_longer: whether a finished run may be given more epochs.
-        schedule: of the learning rate, which goes on over more epochs; empty where it is constant.
-        weight_files: by option, files that the training begins from.
-        panels: how many pictures are asked for.
-        predictions: whether those of the test split are kept.
-    """
-
-    path: Path
-    options: Options
-    completed: Callable[[dict[str, Any]], dict[str, Any]]
-    overwrite: bool
-    epochs: int
-    can_be_longer: bool
-    schedule: str
-    weight_files: Mapping[str, str]
-    panels: int
-    predictions: bool
-
-    def plain(self) -> dict[str, Any]:
-        """The options as JSON and YAML hold them."""
-        return self.options.model_dump(mode="json")
 
 
 class RunFolder:

@@ -7,7 +7,7 @@ from col3d.errors import UserError
 from col3d.models.options import file_of_weights
 from col3d.registry.earlier import updated
 from col3d.registry.refusals import check_options
-from col3d.runs.folder import RunRequest
+from col3d.runs.request import RunRequest
 from col3d.training.options import TrainOptions
 from col3d.training.schedulers import is_of_length
 

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 import torch
 
-from col3d.data.datasets.c3vd import C3VDv2
+from col3d.data.datasets.c3vdv2 import C3VDv2
 from col3d.data.splits import expand
 from col3d.errors import DataError
 from col3d.geometry import OmnidirectionalCamera

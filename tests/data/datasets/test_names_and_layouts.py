@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 import torch
 
-from col3d.data.datasets.c3vd import C3VD, C3VDv2
+from col3d.data.datasets.c3vd import C3VD
+from col3d.data.datasets.c3vdv2 import C3VDv2
 from col3d.errors import DataError
 
 Write = Callable[..., Path]

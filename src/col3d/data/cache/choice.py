@@ -11,7 +11,7 @@ from col3d.data.options import SourceOptions
 from col3d.data.splits import check_end, selection_of_any_video
 from col3d.errors import DataError
 from col3d.io.atomic import write_whole
-from col3d.registry.schema import plain
+from col3d.registry.annotations import plain
 
 KNOWN = ".col3d_stores.json"
 """In the root of a data set: where its frames were prepared, other than beside it."""

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from col3d.data.cache.sources import crc32_of, state_of
 from col3d.data.datasets.frame_files import Frame
 from col3d.errors import DataError
 from col3d.geometry import Camera
@@ -189,18 +190,6 @@ class StoredVideo:
         return ""
 
 
-def state_of(path: Path) -> tuple[int, int]:
-    """Bytes and time of change of a source."""
-    found = path.stat()
-    return found.st_size, found.st_mtime_ns
-
-
-def sources_of(root: Path, frames: Sequence[Frame]) -> dict[str, tuple[int, int]]:
-    """State of every file that frames are read from."""
-    paths = [path for frame in frames for path in frame.files.values()]
-    return {path.relative_to(root).as_posix(): state_of(path) for path in paths}
-
-
 def folder_of(store: Path, video: str) -> Path:
     """Where a video is kept; folders in its name make no folders in the store."""
     return store / video.replace("/", "__")
@@ -228,15 +217,6 @@ def read_video(folder: Path) -> StoredVideo | None:
         )
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return None
-
-
-def crc32_of(path: Path) -> int:
-    """Of a whole file."""
-    found = 0
-    with path.open("rb") as file:
-        while block := file.read(1 << 20):
-            found = zlib.crc32(block, found)
-    return found
 
 
 def shapes(size_hw: tuple[int, int], normals: bool) -> Mapping[str, tuple[tuple[int, ...], str]]:

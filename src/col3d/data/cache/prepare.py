@@ -16,10 +16,11 @@ from col3d.data.cache.options import PrepareOptions
 from col3d.data.datasets.frame_set import FrameSet
 from col3d.data.datasets.videos import seeded_name, video_table
 from col3d.data.options import SourceOptions
-from col3d.data.processes import check_replaceable, in_processes, remove_stale
+from col3d.data.processes import in_processes
 from col3d.data.rendered import is_rendered, phantom_settings, render_missing
 from col3d.data.sized import Resized
 from col3d.data.splits import SPLITS, expand, parse_selection
+from col3d.data.whole_folder import check_replaceable, remove_stale
 from col3d.errors import DataError, UserError
 from col3d.phantom.options import PhantomOptions
 from col3d.registry.refusals import check_options

@@ -10,9 +10,10 @@ from typing import BinaryIO
 import numpy as np
 from numpy.lib import format as npy
 
-from col3d.data.cache.index import Recipe, Shard, StoredVideo, folder_of, shapes, sources_of
-from col3d.data.processes import whole_folder
+from col3d.data.cache.index import Recipe, Shard, StoredVideo, folder_of, shapes
+from col3d.data.cache.sources import sources_of
 from col3d.data.sized import Resized
+from col3d.data.whole_folder import whole_folder
 
 
 def write_video(store: Path, frames: Resized, recipe: Recipe, frame_done: Callable[[], None]) -> None:

@@ -9,7 +9,9 @@ from jaxtyping import Bool
 from col3d.data.checks.conventions import angles_of, off_lengths
 from col3d.data.checks.findings import Finding, FrameReport
 from col3d.data.checks.reproject import Pose, flow_error
-from col3d.data.datasets.c3vd import C3VD, C3VDv2, decoded_flow
+from col3d.data.datasets.c3vd import C3VD
+from col3d.data.datasets.c3vdv2 import C3VDv2
+from col3d.data.datasets.flow import decoded_flow
 from col3d.data.datasets.frame_files import Frame
 from col3d.data.datasets.frame_set import Depth, FrameSet
 from col3d.data.datasets.octagon import octagon_mask

@@ -1,11 +1,8 @@
 """Check a whole data set without training: options -> chunks of frames -> what is wrong."""
 
-import statistics
 import sys
 import time
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -17,20 +14,17 @@ from col3d.data.checks import (
     Finding,
     FrameReport,
     Plan,
-    VideoReport,
     WholeReport,
     check,
     conclude_lens,
     duplicates,
     frames_to_show,
     plan_video,
-    ranked,
-    thumbnail,
 )
+from col3d.data.checks.facts import facts_of, pictures_of
 from col3d.data.checks.options import VerifyOptions
 from col3d.data.checks.stores import check_store, stores_beside
 from col3d.data.checks.video_summary import summarise_video
-from col3d.data.datasets.frame_files import Frame
 from col3d.data.datasets.frame_set import FrameSet
 from col3d.data.datasets.release import RELEASES
 from col3d.data.datasets.videos import catalogue, frames_of
@@ -51,9 +45,6 @@ from col3d.signals import StopSignals, stoppable
 
 FAULTY = 1
 FACTS, PAGE = "verify.json", "verify.html"
-RANKING_SHOWN = 6
-BROKEN_WIDTH, HEALTHY_WIDTH = 200, 110
-"""Pixels of one map of a frame on the page."""
 
 
 def verify(given: Mapping[str, Any]) -> None:
@@ -89,9 +80,9 @@ def _verify(options: VerifyOptions, stop: StopSignals) -> int:
     duplicates(videos, plans, every)
     of_videos = chain.from_iterable(video.findings for video in videos.values())
     findings = [*findings, *skipped, *_stores(options), *of_videos]
-    facts = _facts(options, videos, every, findings)
+    facts = facts_of(options, videos, every, findings)
     facts["seconds"] = round(time.monotonic() - began, 2)
-    pictures = _pictures(frames, frames_to_show(plans, reports, findings))
+    pictures = pictures_of(frames, frames_to_show(plans, reports, findings))
     stop.hold()  # for a moment, after which all of it is there
     _write(owned, facts, pictures)
     stop.asked = None  # a signal that came too late for anything to be lost by it
@@ -216,57 +207,6 @@ def _stores(options: VerifyOptions) -> list[Finding]:
         return check_store(Path(source.store), options.fast)
     places = dict.fromkeys([*stores_beside(root), *remembered(root)])
     return [found for place in places if place.is_dir() for found in check_store(place, options.fast)]
-
-
-def _facts(
-    options: VerifyOptions,
-    videos: Mapping[str, VideoReport],
-    reports: Iterable[FrameReport],
-    findings: Sequence[Finding],
-) -> dict[str, Any]:
-    """What `verify.json` says."""
-    faults = Counter(finding.video for finding in findings if finding.fault)
-    rows = [{**asdict(video), "faults": faults[name]} for name, video in videos.items()]
-    for row in rows:
-        del row["findings"]  # they stand together, below
-    angles = [report.angles for report in reports if report.angles is not None]
-    ranking = list(ranked(angles).items())[:RANKING_SHOWN] if angles else []
-    return {
-        "data": options.data.name,
-        "root": str(Path(options.data.root).absolute()),
-        "fast": options.fast,
-        "frames": sum(video.frames for video in videos.values()),
-        "in_full": sum(video.in_full for video in videos.values()),
-        "faults": faults.total(),
-        "notes": len(findings) - faults.total(),
-        "videos": rows,
-        "ranking": [
-            {"normals": str(c), "camera": c.camera, "release": c.release, "angle": a} for c, a in ranking
-        ],
-        "lens": _lens(videos.values()),
-        "findings": [asdict(finding) for finding in findings],
-    }
-
-
-def _lens(videos: Iterable[VideoReport]) -> list[dict[str, Any]]:
-    """Readings of the lens by how well they fit depth and poses over all videos, the best first."""
-    measured = [video for video in videos if video.lens]
-    names = measured[0].lens if measured else {}
-    errors = {name: statistics.median(video.lens[name] for video in measured) for name in names}
-    pairs = sum(video.lens_pairs for video in measured)
-    return [
-        {"reading": name, "error": errors[name], "own": name == next(iter(names)), "pairs": pairs}
-        for name in sorted(errors, key=lambda name: errors[name])
-    ]
-
-
-def _pictures(frames: FrameSet, shown: Iterable[tuple[Frame, list[str]]]) -> list[Picture]:
-    pictures = []
-    for frame, lines in shown:
-        small = thumbnail(frames, frame, BROKEN_WIDTH if lines else HEALTHY_WIDTH)
-        maps = (small.image, small.depth, small.normals)
-        pictures.append(Picture(frame.video, frame.number, lines, *maps))
-    return pictures
 
 
 def _write(owned: Owned, facts: Mapping[str, Any], pictures: Sequence[Picture]) -> None:

@@ -13,9 +13,10 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float32, Shaped, UInt16
+from jaxtyping import Bool, Shaped
 from torch import Tensor
 
+from col3d.data.datasets.flow import decoded_flow
 from col3d.data.datasets.frame_files import Frame, Kind
 from col3d.data.datasets.frame_set import Depth, FrameSet, Take, everywhere
 from col3d.data.datasets.octagon import octagon_mask
@@ -37,8 +38,6 @@ from col3d.registry import register_dataset
 
 MAX_DEPTH = 100.0
 """Depth in mm of the highest code, which also stands for everything beyond."""
-MAX_FLOW = 20.0
-"""Motion in pixels of the highest code, likewise."""
 Release = Literal["auto", "current", "pre_2023_05"]
 OCCLUSIONS = ("occlusions/{}_occlusion.tiff", "occlusions/{}_occlusion.png", "occlusion/{}_occlusion.png")
 
@@ -228,38 +227,6 @@ class C3VD(FrameSet):
                 return _agreed(frame.files["normals"], angles, release)
         padded = frames[0].files["depth"].name.split("_")[0] == f"{frames[0].number:04d}"
         return release if release != "auto" else RELEASES[0 if padded else 1]
-
-
-@register_dataset(
-    "c3vdv2",
-    normals="stored",
-    label="C3VDv2",
-    table=True,
-    view=octagon_mask,
-    defaults={"release": "current"},
-)
-class C3VDv2(C3VD):
-    """C3VDv2, seen by another lens: a folder for each video, in it one for each kind of file."""
-
-    data = "c3vdv2"
-
-    @staticmethod
-    def lens() -> Camera:
-        """The camera of the data set at the size of its frames."""
-        return OmnidirectionalCamera.c3vdv2()
-
-
-def decoded_flow(
-    codes: UInt16[np.ndarray, "h w 3"],
-) -> tuple[Float32[np.ndarray, "h w 2"], Bool[np.ndarray, "h w"]]:
-    """Motion in pixels by its codes, and where it is known: not where a code is 0 or the highest.
-
-    Code 0 stands for a point that the frame before does not show; motion beyond 20 pixels is clamped to
-    either end.
-    """
-    two = codes[..., :2]
-    pixels = two.astype(np.float32) * np.float32(2 * MAX_FLOW / FULL_CODE) - np.float32(MAX_FLOW)
-    return pixels, np.asarray(((two > 0) & (two < FULL_CODE)).all(axis=-1))
 
 
 def _unwrapped(folder: Path) -> Path:

@@ -6,7 +6,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, PositiveFloat
 
-from col3d.data.datasets.c3vd import C3VD, C3VDv2, Release
+from col3d.data.datasets.c3vd import C3VD, Release
+from col3d.data.datasets.c3vdv2 import C3VDv2
 from col3d.data.datasets.folder import FolderFrames
 from col3d.data.datasets.simcol3d import SimCol3D
 from col3d.registry import register_dataset

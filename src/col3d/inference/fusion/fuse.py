@@ -1,25 +1,29 @@
 """One surface of a whole video, from its true depth and from a network's, and how far they are apart."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
 from col3d.data.datasets.c3vd import C3VD
 from col3d.data.datasets.coverage_mesh import COVERAGE_MESH, CoverageMesh, read_coverage_mesh
-from col3d.data.datasets.octagon import octagon_mask
-from col3d.data.datasets.pose_readings import PoseReading, find_reading
 from col3d.data.processes import frames_bar
 from col3d.data.resize import Resize
 from col3d.errors import DataError, UserError
 from col3d.geometry import Camera
+from col3d.inference.fusion.frames import (
+    FAR_OFF,
+    FusionFrame,
+    chosen_frames,
+    median_scale,
+    poses_of,
+    seen_frames,
+)
 from col3d.inference.fusion.video import video_of
-from col3d.inference.options import FuseOptions, PoseOptions
+from col3d.inference.options import FuseOptions
 from col3d.inference.predictor import Predictor, load_predictor
 from col3d.inference.trained_network import SIZE
 from col3d.io.json_files import write_json
@@ -35,26 +39,10 @@ from col3d.signals import StopSignals, stoppable
 if TYPE_CHECKING:
     from col3d.inference.fusion import Surface
 
-FAR_OFF = 5.0
-"""Millimetres at the upper end of the colours of errors."""
 SHOWN = 60_000
 """Points of a surface in the page."""
 SUMMARY, PAGE = "fusion.json", "fusion.html"
 WRITTEN = (PAGE, SUMMARY, "truth.ply", "predicted.ply", "error.ply")
-
-
-@dataclass(frozen=True)
-class FusionFrame:
-    """A frame at the network's size, its pose, its true depth and what the network says of it.
-
-    The mask is where depth is known, or where the endoscope shows anything if the video has no truth.
-    """
-
-    image: UInt8[Tensor, "3 h w"]
-    depth: Float[Tensor, "1 h w"]
-    mask: Bool[Tensor, "1 h w"]
-    pose: Float[np.ndarray, "4 4"]
-    predicted: Float[Tensor, "1 h w"] | None
 
 
 def fuse(given: Mapping[str, Any]) -> None:
@@ -83,20 +71,20 @@ def fuse(given: Mapping[str, Any]) -> None:
 def _fuse(options: FuseOptions, stop: StopSignals) -> None:
     output = _checked_room(options)
     frames = video_of(options)
-    poses = _poses(frames, options.poses)
+    poses = poses_of(frames, options.poses)
     network = _network(options)
     wall = _wall(frames)
     height, width = network.size_hw if network else options.size or SIZE
     resize = Resize((height, width), frames.camera)
-    chosen = _chosen(frames, poses, options.frames)
-    seen = list(_seen(frames, chosen, poses, resize, network))
+    chosen = chosen_frames(frames, poses, options.frames)
+    seen = list(seen_frames(frames, chosen, poses, resize, network))
     camera = resize.resized_camera
     found: dict[str, Any] = {"video": options.video, "frames": len(seen), "voxel_mm": options.voxel}
     surfaces = {}
     if frames.with_truth:
         surfaces["truth"] = _surface("truth", seen, [frame.depth for frame in seen], camera, options)
     if network is not None:
-        factor = _scale(seen) if options.scale == "median" else 1.0
+        factor = median_scale(seen) if options.scale == "median" else 1.0
         found |= {"model": network.name, "checkpoint": options.checkpoint, "scale": factor}
         depths = [frame.predicted * factor for frame in seen if frame.predicted is not None]
         surfaces["prediction"] = _surface("prediction", seen, depths, camera, options)
@@ -159,69 +147,6 @@ def _checked_room(options: FuseOptions) -> Path:
     if SUMMARY in owned.there() and not options.overwrite:
         raise UserError(f"output: {output} holds a fusion already; name another folder or overwrite=true")
     return output
-
-
-def _poses(frames: C3VD, options: PoseOptions) -> dict[int, np.ndarray]:
-    """Camera to world of each frame by its number, as depth bears it out."""
-    stored = frames.poses(frames.frames[0].video).numpy()
-    asked = options.model_dump(exclude={"check"})
-    reading = PoseReading.of(asked)
-    if options.check and frames.with_truth:
-        found = find_reading(frames, stored, asked)
-        reading = found.reading
-        if found.note:
-            print(f"note: {found.note}", flush=True)
-    if not frames.with_truth:
-        print(
-            "note: without true depth nothing bears the poses out; they are read as C3VD's, or as said",
-            flush=True,
-        )
-    poses = reading.camera_to_world(stored)
-    placed = {frame.number: reading.of_frame(poses, frame.number) for frame in frames.frames}
-    return {number: pose for number, pose in placed.items() if pose is not None}
-
-
-def _chosen(frames: C3VD, poses: Mapping[int, np.ndarray], most: int | None) -> list[int]:
-    """Places of frames, spread evenly over those that have a pose."""
-    posed = [place for place, frame in enumerate(frames.frames) if frame.number in poses]
-    if not posed:
-        raise DataError(f"{frames.root}: no line of pose.txt is of a frame there")
-    if missing := len(frames) - len(posed):
-        print(
-            f"note: {missing} of {len(frames)} frames have no line in pose.txt and are left out", flush=True
-        )
-    count = min(most or len(posed), len(posed))
-    return [posed[round(place)] for place in np.linspace(0, len(posed) - 1, count)]
-
-
-def _seen(
-    frames: C3VD,
-    chosen: Sequence[int],
-    poses: Mapping[int, np.ndarray],
-    resize: Resize,
-    network: Predictor | None,
-) -> Iterator[FusionFrame]:
-    camera = resize.resized_camera
-    view = octagon_mask(camera.size_hw)
-    with frames_bar("read" if network is None else "read and predict") as bar:
-        for place in bar.track(chosen):
-            item = resize.read(frames, place)
-            predicted = None
-            if network is not None:
-                predicted = network.predict(item["image"][None], camera)["depth"][0].cpu()
-            pose = poses[frames.frames[place].number]
-            mask = item["mask"] if frames.with_truth else view
-            yield FusionFrame(item["image"], item["depth"], mask, pose, predicted)
-
-
-def _scale(seen: Sequence[FusionFrame]) -> float:
-    """One factor for the whole video: the median over frames of the ratio of medians."""
-    ratios = [
-        (frame.depth[frame.mask].median() / frame.predicted[frame.mask].median()).item()
-        for frame in seen
-        if frame.predicted is not None and frame.mask.any()
-    ]
-    return float(np.median(ratios))
 
 
 def _surface(
