@@ -14,6 +14,7 @@ from col3d.reports.experiments import (
     experiments_of,
     lambda_row,
 )
+from col3d.reports.options import fingerprint
 from col3d.reports.paper_tables import paper_table
 from col3d.reports.runs import read_runs
 
@@ -168,3 +169,11 @@ def test_runs_of_no_table_have_one_of_their_own(tmp_path: Path) -> None:
     (only,) = tables(tmp_path).values()
     assert only.name == "other_1"
     assert [[run.name for run in row.runs] for row in only.rows] == [["unc_0", "unc_1"]]
+
+
+def test_a_callback_makes_another_training_and_pictures_do_not() -> None:
+    plain = {"model": {"name": "bts"}, "callbacks": {"panels": 1, "more": {}}, "seed": 0}
+    averaged = {**plain, "callbacks": {"panels": 1, "more": {"ema": {"callback": "EMAWeightAveraging"}}}}
+    pictured = {**plain, "callbacks": {"panels": 9, "predictions": True}, "seed": 1}
+    assert fingerprint(averaged) != fingerprint(plain)
+    assert fingerprint(pictured) == fingerprint(plain)

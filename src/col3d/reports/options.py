@@ -4,10 +4,11 @@ import json
 from typing import Any
 
 from col3d.registry.earlier import ADDED
+from col3d.registry.unrelated import UNRELATED, UNRELATED_INSIDE
 
-UNRELATED = {"seed", "overwrite", "output_dir", "preset", "variant", "logger", "callbacks", "protocol"}
+BETWEEN_REPETITIONS = {*UNRELATED, "seed", "preset", "variant", "protocol"}
 """Groups and options that may differ between repetitions; the protocol is part of a table's setting."""
-UNRELATED_INSIDE = {"data.root", "data.workers", "trainer.accelerator"}
+INSIDE = {*map(".".join, UNRELATED_INSIDE), "data.root", "trainer.accelerator"}
 MISSING = object()
 Loss = tuple[tuple[str, ...], tuple[float, ...]]
 """The terms, as a formula names them, and their weights."""
@@ -57,7 +58,7 @@ def _related(options: dict[str, Any]) -> dict[str, Any]:
     return {
         name: value
         for name, value in flat.items()
-        if name.partition(".")[0] not in UNRELATED | unread and name not in UNRELATED_INSIDE
+        if name.partition(".")[0] not in BETWEEN_REPETITIONS | unread and name not in INSIDE
     }
 
 

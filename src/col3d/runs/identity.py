@@ -6,18 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from col3d.registry.schema import Options
-
-UNRELATED = {"overwrite", "output_dir", "logger", "objective", "plugins"}
-"""Groups and options that change nothing in the weights and numbers of a run."""
-UNRELATED_INSIDE = {
-    ("data", "workers"),
-    ("data", "store"),
-    ("trainer", "profiler"),
-    ("trainer", "log_every_n_steps"),
-    ("callbacks", "panels"),
-    ("callbacks", "predictions"),
-    ("callbacks", "checkpoint_minutes"),
-}
+from col3d.registry.unrelated import UNRELATED, UNRELATED_INSIDE
 
 
 def hash_of(options: Options) -> str:
