@@ -231,7 +231,7 @@ def test_what_was_refused_leaves_no_file(
     def broken(*_: object) -> None:
         raise ZeroDivisionError
 
-    monkeypatch.setattr("col3d.inference.export.export._write", broken)
+    monkeypatch.setattr("col3d.inference.export.export.write_checked", broken)
     with pytest.raises(ZeroDivisionError):
         export(composed("export", f"checkpoint={tiny_checkpoint}", f"output={tmp_path / 'new' / 'm.onnx'}"))
     assert list((tmp_path / "new").iterdir()) == []
@@ -288,7 +288,7 @@ def test_memory_that_is_out_is_a_line(
     def full(*_: object) -> None:
         raise error
 
-    monkeypatch.setattr("col3d.inference.export.export._write", full)
+    monkeypatch.setattr("col3d.inference.export.export.write_checked", full)
     given = (f"checkpoint={tiny_checkpoint}", f"output={tmp_path / 'm.pt2'}", "size=[20000,20000]")
     with pytest.raises(UserError, match=r"^memory is out \(.*\); .*a smaller size= or batch= takes less$"):
         export(composed("export", *given))

@@ -13,7 +13,7 @@ from col3d.geometry import PinholeCamera, normals_from_depth
 from col3d.layers.normal_decoder import enlarge
 from col3d.models import create
 from col3d.models.col3d_mtl import published_normals
-from col3d.models.published import SOURCES, _tensors, load_published, read_weights
+from col3d.models.published import SOURCES, load_published, read_weights, tensors_of
 from col3d.models.published.source import our_name
 
 FAMILY = ["bts", "col3d_bts_cbam", "col3d_mtl_no_xtc", "col3d_mtl"]
@@ -234,9 +234,9 @@ def test_tensors_without_a_shape_are_refused() -> None:
 
 def test_refuses_names_that_are_none() -> None:
     with pytest.raises(ValueError, match=r"^state_dict: must map names to tensors"):
-        _tensors({0: torch.zeros(1)})
+        tensors_of({0: torch.zeros(1)})
     with pytest.raises(ValueError, match=r"^state_dict: must map names to tensors, got a list$"):
-        _tensors([1])
+        tensors_of([1])
 
 
 @pytest.mark.parametrize("state", [{}, {"epoch": 3, "optimizer": {}}, {"model": {"weight": [1.0]}}])

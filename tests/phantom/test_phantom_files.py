@@ -98,7 +98,7 @@ def test_a_failed_video_leaves_nothing(
     def fail(*_: object) -> None:
         raise OSError("no space left")
 
-    monkeypatch.setattr("col3d.phantom.write._write_manifest", fail)
+    monkeypatch.setattr("col3d.phantom.write.write_manifest", fail)
     with pytest.raises(OSError, match="no space left"):
         render_phantom(tmp_path, replace(small, frames_per_video=1), workers=1, progress=False)
     assert list(tmp_path.iterdir()) == []

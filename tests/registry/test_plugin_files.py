@@ -10,7 +10,7 @@ from col3d.registry import plugins
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr(plugins, "_loaded", {})
+    monkeypatch.setattr(plugins, "loaded", {})
     monkeypatch.setenv(plugins.VARIABLE, "")
     monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "unrelated.py").write_text("")

@@ -1,7 +1,7 @@
 """What goes wrong around a training is said in one line, and the same command then ends in the same weights.
 
 Signals and kills are in test_resume.py, the files of checkpoints in test_checkpoint_files.py; the faults that
-need a machine of their own (a full disk, a read-only one, a clock that jumps) in `benchmarks.faults`.
+need a machine of their own (a full disk, a read-only one, a clock that jumps) in `tests.faults`.
 """
 
 import multiprocessing

@@ -1,4 +1,4 @@
-"""Calls to the system that fail do no harm: a few here, all by `python -m benchmarks.faults.injected`."""
+"""Calls to the system that fail do no harm: a few here, all by `python -m tests.faults.injected`."""
 
 from collections.abc import Iterator
 from contextlib import closing
@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.faults.injected import Tally, _copied, _in_spread_order, _spread, one
-from benchmarks.faults.injector import KINDS, Injector
-from benchmarks.faults.small_runs import RUNS, SmallRun, prepared_place
+from tests.faults.injected import Tally, copied, in_spread_order, one, spread
+from tests.faults.injector import KINDS, Injector
+from tests.faults.small_runs import RUNS, SmallRun, prepared_place
 
 pytestmark = pytest.mark.end_to_end
 
@@ -33,7 +33,7 @@ def start(place: Path, injector: Injector) -> Path:
 
 def undisturbed(run: SmallRun, start: Path, injector: Injector) -> tuple[dict[str, int], dict[str, str]]:
     whole = start.with_name("trial")
-    _copied(start, whole)
+    copied(start, whole)
     run.make_ready(whole)
     code, calls, said = injector.run(run.name, run.given(whole), whole)
     assert code == 0, said
@@ -46,7 +46,7 @@ def test_calls_that_fail_do_no_harm(name: str, start: Path, injector: Injector) 
     calls, expected = undisturbed(run, start, injector)
     tally = Tally()
     for kind in KINDS:
-        for n in _spread(calls[kind], MOST[name]):
+        for n in spread(calls[kind], MOST[name]):
             found = one(run, start, start.with_name("trial"), injector, kind, n, False, expected, tally)
             assert found == "", (kind, n)
     assert tally.codes[2] > MOST[name]  # they did fail
@@ -59,10 +59,10 @@ def test_harm_is_noticed(start: Path, injector: Injector) -> None:
     assert "differs in paper/report.md" in one(run, start, whole, injector, "write", 1, False, other, Tally())
     (whole / "mine.csv").write_text("changed")
     assert run.others(whole) != run.others(start)
-    assert _spread(11, 3) == [1, 6, 11]
-    assert _spread(2, 3) == [1, 2]
-    assert _spread(11, 1) == [6]
-    assert _in_spread_order([1, 2, 3, 4, 5, 6, 7, 8]) == [1, 5, 3, 7, 2, 6, 4, 8]
+    assert spread(11, 3) == [1, 6, 11]
+    assert spread(2, 3) == [1, 2]
+    assert spread(11, 1) == [6]
+    assert in_spread_order([1, 2, 3, 4, 5, 6, 7, 8]) == [1, 5, 3, 7, 2, 6, 4, 8]
     assert {run.name for run in RUNS} == {
         *("train", "prepare", "evaluate", "predict", "export", "fuse", "report")
     }

@@ -175,7 +175,7 @@ def test_a_fusion_that_is_stopped_leaves_what_was_there(
         time.sleep(SECONDS)
 
     video = render(phantom_root)
-    monkeypatch.setattr(fusing, "_surface", asked)
+    monkeypatch.setattr(fusing, "surface_of", asked)
     with pytest.raises(SystemExit) as ended:
         fusing.fuse(composed("fuse", f"video={video}", f"output={tmp_path / 'fused'}"))
     assert ended.value.code == CODES[signal.Signals(signum)]

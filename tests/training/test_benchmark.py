@@ -117,7 +117,7 @@ def test_finished_runs_are_overwritten_once(
         (job.folder / "result.json").write_text(json.dumps(facts))
         return "done"
 
-    monkeypatch.setattr(running, "_run", run)
+    monkeypatch.setattr(running, "run_job", run)
     monkeypatch.setattr(running.subprocess, "run", lambda *_, **__: SimpleNamespace(returncode=0))
     jobs = [job("a", SMALL), job("b", SMALL, "seed=1"), job("c", SMALL, "seed=2")]
     for stop_at, expected in (

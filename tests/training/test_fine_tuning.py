@@ -130,7 +130,7 @@ def test_shapes_that_differ_are_said() -> None:
 
     said: list[str] = []
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(module, "_checked", lambda options: Head(2).state_dict())
+        patched.setattr(module, "checked_weights", lambda options: Head(2).state_dict())
         begin_from(Head(1), InitOptions(checkpoint="some.ckpt"), said.append)
     assert said == [
         "begins from 2 of 4 tensors of some.ckpt",

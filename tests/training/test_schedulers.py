@@ -203,11 +203,11 @@ def test_each_mistake_is_one_line(given: dict[str, Any], message: str) -> None:
     ],
 )
 def test_values_are_held_against_the_signature(name: str, given: dict[str, Any], message: str) -> None:
-    from col3d.training.schedulers import _base
+    from col3d.training.schedulers import base_class
 
     part = SCHEDULERS[name]
     with pytest.raises(OptionError) as error:
-        checked(part.options(_base(part)), {"name": name, **given}, "scheduler")
+        checked(part.options(base_class(part)), {"name": name, **given}, "scheduler")
     assert str(error.value).startswith(message)
 
 

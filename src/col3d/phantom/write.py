@@ -44,7 +44,7 @@ def render_video(
     """
     with whole_folder(root / video) as partial:
         _write_frames(partial, video, settings, frame_done)
-        _write_manifest(partial, video, settings)
+        write_manifest(partial, video, settings)
 
 
 def _write_frames(
@@ -104,7 +104,7 @@ def _write_image(path: Path, pixels: np.ndarray, options: tuple[int, ...]) -> No
         raise OSError(f"{path}: could not be written")
 
 
-def _write_manifest(folder: Path, video: str, settings: PhantomSettings) -> None:
+def write_manifest(folder: Path, video: str, settings: PhantomSettings) -> None:
     """Written last: what the folder holds and from which settings it comes."""
     files = {path.name: path.stat().st_size for path in sorted(folder.iterdir())}
     recipe = recipe_of(settings)

@@ -20,7 +20,7 @@ from col3d.errors import OptionError
 VARIABLE = "COL3D_PLUGINS"
 GROUP = "col3d.plugins"
 
-_loaded: dict[str, Path] = {}
+loaded: dict[str, Path] = {}
 """Where the plugins that were imported lie, by name: a package's folder, or the file of a module alone."""
 
 
@@ -38,19 +38,19 @@ def load(names: Iterable[str] = ()) -> list[str]:
     given = [*_of_environment(), *names]
     os.environ.update({VARIABLE: ",".join(dict.fromkeys(given))} if given else {})
     for name in dict.fromkeys([*given, *_installed()]):
-        if name not in _loaded:
-            _loaded[name] = _imported(name)
-    return list(_loaded)
+        if name not in loaded:
+            loaded[name] = _imported(name)
+    return list(loaded)
 
 
 def configurations() -> list[Path]:
     """Folders `conf` of the loaded plugins, which join the search path of the configuration."""
-    return [folder / "conf" for folder in _loaded.values() if (folder / "conf").is_dir()]
+    return [folder / "conf" for folder in loaded.values() if (folder / "conf").is_dir()]
 
 
 def code() -> dict[str, str]:
     """A sum over the Python files of each loaded plugin: a version need not change with the code."""
-    return {name: code_sum(place) for name, place in _loaded.items()}
+    return {name: code_sum(place) for name, place in loaded.items()}
 
 
 def code_sum(place: Path) -> str:
@@ -66,7 +66,7 @@ def versions() -> dict[str, str]:
     """Versions of the loaded plugins; "unknown" for one that is not installed."""
     distributions = importlib.metadata.packages_distributions()
     found = {}
-    for name in _loaded:
+    for name in loaded:
         owners = distributions.get(name.partition(".")[0], [])
         found[name] = importlib.metadata.version(owners[0]) if owners else "unknown"
     return found

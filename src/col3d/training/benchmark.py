@@ -106,7 +106,7 @@ def _run_all(jobs: Sequence[Job], parallel: int) -> None:
     threads = str(max(1, (os.cpu_count() or 1) // parallel))
     processes: list[subprocess.Popen[bytes]] = []
     with ThreadPoolExecutor(parallel) as pool:
-        running = {pool.submit(_run, job, threads, processes): job for job in jobs}
+        running = {pool.submit(run_job, job, threads, processes): job for job in jobs}
         try:
             while running:
                 finished, _ = wait(running, return_when=FIRST_COMPLETED)
@@ -123,7 +123,7 @@ def _run_all(jobs: Sequence[Job], parallel: int) -> None:
             raise
 
 
-def _run(job: Job, threads: str, processes: "list[subprocess.Popen[bytes]]") -> str:
+def run_job(job: Job, threads: str, processes: "list[subprocess.Popen[bytes]]") -> str:
     """Run a job with its output in `log.txt`, in a session of its own, which Ctrl-C does not reach."""
     if is_locked(job.folder):
         return "left to another process"

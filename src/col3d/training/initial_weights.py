@@ -30,7 +30,7 @@ def begin_from(network: nn.Module, options: InitOptions, say: Callable[[str], No
     """
     if options.checkpoint is None:
         return
-    given, wanted = _checked(options), network.state_dict()
+    given, wanted = checked_weights(options), network.state_dict()
     shared = [name for name in wanted if name in given]
     fitting = {name: given[name] for name in shared if given[name].shape == wanted[name].shape}
     if not any(name in fitting for name, _ in network.named_parameters()):
@@ -48,7 +48,7 @@ def begin_from(network: nn.Module, options: InitOptions, say: Callable[[str], No
         say(line)
 
 
-def _checked(options: InitOptions) -> Mapping[str, Tensor]:
+def checked_weights(options: InitOptions) -> Mapping[str, Tensor]:
     """Tensors of the file; what is wrong with it, by the names that these options have in `train.py`."""
     try:
         return _tensors(options)

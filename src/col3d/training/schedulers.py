@@ -80,7 +80,7 @@ def scheduler_options(given: Any) -> SchedulerOptions:
     if not isinstance(given, Mapping) or "name" not in given:
         raise OptionError(f"scheduler.name: a value is needed, got {given!r}")
     part = SCHEDULERS[str(given["name"])]
-    kind = part.options(_base(part))
+    kind = part.options(base_class(part))
     check_names("scheduler", given, kind)
     options = kind.model_validate(given)
     assert isinstance(options, SchedulerOptions)
@@ -90,7 +90,7 @@ def scheduler_options(given: Any) -> SchedulerOptions:
 
 
 @functools.cache
-def _base(part: Part) -> type[SchedulerOptions]:
+def base_class(part: Part) -> type[SchedulerOptions]:
     """The options around a schedule's own, with those of its counts that may be left to the training."""
     watches = isinstance(part.build, type) and issubclass(part.build, ReduceLROnPlateau)
     base = PlateauOptions if watches else SchedulerOptions
@@ -167,7 +167,7 @@ def try_schedule(options: SchedulerOptions, optimizer: Optimizer, epochs: int) -
 
 def node(part: Part) -> dict[str, Any]:
     """What `scheduler=NAME` brings into a configuration: every option with its default."""
-    base = {name: field.default for name, field in _base(part).model_fields.items() if name != "name"}
+    base = {name: field.default for name, field in base_class(part).model_fields.items() if name != "name"}
     return {"name": part.name, **defaults(part.parameters()), **base}
 
 

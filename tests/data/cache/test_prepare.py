@@ -10,6 +10,7 @@ import subprocess
 import time
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -202,7 +203,7 @@ def test_workers_end_with_a_parent_that_was_killed(rendered: Path, tmp_path: Pat
 
 
 def test_a_full_disk_ends_in_one_line(root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    written, put = [], writing._Array._put
+    written, put = [], writing.ArrayFile.put
 
     def put_until_full(self: Any, content: bytes) -> None:
         written.append(len(content))
@@ -210,7 +211,7 @@ def test_a_full_disk_ends_in_one_line(root: Path, tmp_path: Path, monkeypatch: p
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         put(self, content)
 
-    monkeypatch.setattr(writing._Array, "_put", put_until_full)
+    monkeypatch.setattr(writing.ArrayFile, "put", put_until_full)
     store = tmp_path / "small_disk"
     with pytest.raises(
         UserError, match=r"prepare\.out=.*small_disk: the disk is full .*finished videos stay"
@@ -224,7 +225,8 @@ def test_a_full_disk_ends_in_one_line(root: Path, tmp_path: Path, monkeypatch: p
 
 
 def test_too_little_space_is_said_before_work_starts(root: Path, tmp_path: Path, monkeypatch: Any) -> None:
-    monkeypatch.setattr(preparing.shutil, "disk_usage", lambda path: shutil._ntuple_diskusage(10, 9, 1))
+    nearly_full = SimpleNamespace(total=10, used=9, free=1)
+    monkeypatch.setattr(preparing.shutil, "disk_usage", lambda path: nearly_full)
     with pytest.raises(
         UserError, match=r"prepare\.out=.*: 3\.4 MB are needed for 66 frames, 0\.0 MB are free"
     ):

@@ -166,7 +166,7 @@ def test_a_disk_that_fills_up_leaves_a_part(
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr(transfer, "_append", full)
+        patch.setattr(transfer, "append", full)
         with pytest.raises(OSError, match="No space left") as caught:
             run(server, tmp_path, ACCEPT)
     assert caught.value.filename == str(tmp_path / f"{NAME}.zip.partial")

@@ -15,7 +15,7 @@ from col3d.geometry import (
     RadialTangentialCamera,
 )
 from col3d.inference.fusion import Surface, Volume, compare
-from col3d.inference.fusion.volume import _projected
+from col3d.inference.fusion.volume import projected
 
 RADIUS = 30.0
 LENS = OmnidirectionalCamera.c3vd().resized((135, 169))
@@ -98,7 +98,7 @@ def test_a_moved_world_gives_the_moved_surface() -> None:
 def test_the_table_of_directions_projects_as_the_camera_does() -> None:
     points = torch.randn(20000, 3, generator=torch.Generator().manual_seed(0))
     for camera in CAMERAS.values():
-        exact, quick = camera.project(points), _projected(camera, points)
+        exact, quick = camera.project(points), projected(camera, points)
         height, width = camera.size_hw
         inside = ((exact >= 0) & (exact < exact.new_tensor([width, height]))).all(dim=1)
         assert inside.sum() > 1000

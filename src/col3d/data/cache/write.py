@@ -34,7 +34,7 @@ def write_video(store: Path, frames: Resized, recipe: Recipe, frame_done: Callab
     sources = sources_of(source.root, source.frames)
     with whole_folder(folder_of(store, video)) as partial:
         kinds = shapes(recipe.size_hw, recipe.normals != "none")
-        arrays = {name: _Array(partial / f"{name}.npy", len(frames), *of) for name, of in kinds.items()}
+        arrays = {name: ArrayFile(partial / f"{name}.npy", len(frames), *of) for name, of in kinds.items()}
         try:
             for index in range(len(frames)):
                 codes = frames.encoded(index)
@@ -50,7 +50,7 @@ def write_video(store: Path, frames: Resized, recipe: Recipe, frame_done: Callab
         StoredVideo(partial, recipe.plain(), video, release, numbers, sources, shards).write()
 
 
-class _Array:
+class ArrayFile:
     """A `.npy` file that grows frame by frame: written, not mapped, so that a full disk is an error."""
 
     def __init__(self, path: Path, count: int, shape: tuple[int, ...], dtype: str) -> None:
@@ -59,11 +59,12 @@ class _Array:
         npy.write_array_header_1_0(header, {"descr": dtype, "fortran_order": False, "shape": self.shape})
         self.file: BinaryIO = path.open("wb")
         self.crc32 = self.bytes = 0
-        self._put(header.getvalue())
+        self.put(header.getvalue())
         self.offset, self.header_crc32 = self.bytes, self.crc32
 
     def append(self, values: np.ndarray) -> None:
-        self._put(np.ascontiguousarray(values).view(self.dtype).tobytes())
+        """Add the values of a frame."""
+        self.put(np.ascontiguousarray(values).view(self.dtype).tobytes())
 
     def finish(self) -> Shard:
         """Put it on the disk."""
@@ -72,7 +73,8 @@ class _Array:
         self.file.close()
         return Shard(self.shape, self.dtype, self.offset, self.bytes, self.header_crc32, self.crc32)
 
-    def _put(self, content: bytes) -> None:
+    def put(self, content: bytes) -> None:
+        """Add bytes, and count them in the sum."""
         self.file.write(content)
         self.bytes += len(content)
         self.crc32 = zlib.crc32(content, self.crc32)

@@ -97,7 +97,7 @@ def _go_on(server: Server, file: RemoteFile, partial: Path, told: Callable[[int]
             while chunk := _read(answer, file):
                 if server.stop.is_set():
                     raise Interrupted
-                done = _append(content, chunk, done, file)
+                done = append(content, chunk, done, file)
                 told(done)
     if done != file.size:
         raise BusyError(f"{file.name}: the connection broke after {done} of {file.size} bytes")
@@ -123,7 +123,7 @@ def _read(answer: object, file: RemoteFile) -> bytes:
     return chunk
 
 
-def _append(content: object, chunk: bytes, done: int, file: RemoteFile) -> int:
+def append(content: object, chunk: bytes, done: int, file: RemoteFile) -> int:
     """Write all of a chunk; more than the file has is of another file."""
     if done + len(chunk) > file.size:
         raise ServerError(f"{file.name}: the server sends more than the {file.size} bytes that it lists")

@@ -71,7 +71,7 @@ def _export_program(options: ExportOptions, path: Path, stop: StopSignals) -> No
     _check_output(subject)
     with _in_place(path, stop) as partial:
         print(f"export: {subject.name} to {path}, which takes a while", flush=True)
-        likeness = _write(subject, partial, options, fixed)
+        likeness = write_checked(subject, partial, options, fixed)
     _report(subject, path, likeness, fixed)
 
 
@@ -133,7 +133,12 @@ def _on_disk(path: Path) -> None:
         os.fsync(file.fileno())
 
 
-def _write(subject: Predictor, partial: Path, options: ExportOptions, fixed: Fixed) -> ParityReport:
+def write_checked(subject: Predictor, partial: Path, options: ExportOptions, fixed: Fixed) -> ParityReport:
+    """Write the file, and hold it against PyTorch.
+
+    Raises:
+        UserError: it differs.
+    """
     subject.network.to("cpu").requires_grad_(False)
     write, opened, _ = FORMATS[partial.suffix]
     half = HalfNetwork(subject.network).eval() if options.half else None

@@ -82,12 +82,12 @@ def _fuse(options: FuseOptions, stop: StopSignals) -> None:
     found: dict[str, Any] = {"video": options.video, "frames": len(seen), "voxel_mm": options.voxel}
     surfaces = {}
     if frames.with_truth:
-        surfaces["truth"] = _surface("truth", seen, [frame.depth for frame in seen], camera, options)
+        surfaces["truth"] = surface_of("truth", seen, [frame.depth for frame in seen], camera, options)
     if network is not None:
         factor = median_scale(seen) if options.scale == "median" else 1.0
         found |= {"model": network.name, "checkpoint": options.checkpoint, "scale": factor}
         depths = [frame.predicted * factor for frame in seen if frame.predicted is not None]
-        surfaces["prediction"] = _surface("prediction", seen, depths, camera, options)
+        surfaces["prediction"] = surface_of("prediction", seen, depths, camera, options)
     found["comparisons"] = _compared(surfaces, wall, options.voxel)
     if wall is not None:
         found["seen_faces"] = None if wall.observed is None else [len(wall.seen), len(wall.triangles)]
@@ -149,7 +149,7 @@ def _checked_room(options: FuseOptions) -> Path:
     return output
 
 
-def _surface(
+def surface_of(
     what: str, seen: Sequence[FusionFrame], depths: Sequence[Tensor], camera: Camera, options: FuseOptions
 ) -> "Surface":
     """The surface of all frames with these depths, of the pixels of their masks."""

@@ -100,7 +100,7 @@ class Volume:
         """Which voxels a frame sees, their signed distance in units of the truncation, and their colour."""
         local = torch.from_numpy(((voxels - pose[:3, 3]) @ pose[:3, :3]).astype(np.float32))
         height, width = camera.size_hw
-        pixels = _projected(camera, local).round()
+        pixels = projected(camera, local).round()
         inside = ((pixels >= 0) & (pixels < pixels.new_tensor([width, height]))).all(dim=1)
         u, v = torch.where(inside[:, None], pixels, 0.0).long().unbind(dim=1)
         known = inside & mask[0, v, u]
@@ -135,7 +135,7 @@ def _in_order(
     return Surface(vertices[order], corners[np.lexsort(corners.T[::-1])], colours[order])
 
 
-def _projected(camera: Camera, points: Float[torch.Tensor, "n 3"]) -> Float[torch.Tensor, "n 2"]:
+def projected(camera: Camera, points: Float[torch.Tensor, "n 3"]) -> Float[torch.Tensor, "n 2"]:
     """Pixels as `camera.project` finds them, to 1e-3, its radius read off a table: millions of voxels ask."""
     if not isinstance(camera, RadialCamera):
         return camera.project(points)

@@ -73,7 +73,7 @@ def load_published(
     known = SOURCES[check_known("source", source, SOURCES)]
     if max_depth <= 0:
         raise ValueError(f"max_depth: expected mm above 0, got {max_depth}")
-    tensors = _tensors(state_dict)
+    tensors = tensors_of(state_dict)
     if any(name.startswith(OURS) for name in tensors):
         return _load_ours(source, tensors, state_dict)
     _check_method(source, tensors)
@@ -131,7 +131,12 @@ def _load_ours(source: str, tensors: dict[str, Tensor], checkpoint: Mapping[str,
     return network.eval()
 
 
-def _tensors(state_dict: Any) -> dict[str, Tensor]:
+def tensors_of(state_dict: Any) -> dict[str, Tensor]:
+    """The tensors of what a program saved, out of the wrappers that programs put around them.
+
+    Raises:
+        ValueError: it is none.
+    """
     if not isinstance(state_dict, Mapping):
         raise ValueError(f"state_dict: must map names to tensors, got a {type(state_dict).__name__}")
     for wrapper in ("model", "state_dict"):

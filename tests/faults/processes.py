@@ -3,7 +3,7 @@
 import os
 import signal
 
-from benchmarks.faults.trial import Trial
+from tests.faults.trial import Trial
 
 
 def signalled(trial: Trial, signum: int, group: bool = False) -> list[str]:

@@ -11,8 +11,8 @@ from typing import Any
 
 import torch
 
-from benchmarks.faults.training import Training
 from col3d.reports.jobs import RESULT, STATUS, read_job, read_plain
+from tests.faults.training import Training
 
 EPOCHS = 3
 OPTIONS = (

@@ -5,9 +5,9 @@ import socket
 import time
 from datetime import datetime
 
-from benchmarks.faults.training import LONGEST, NotMadeError
-from benchmarks.faults.trial import EPOCHS, Trial
 from col3d.reports.jobs import STATUS, read_plain
+from tests.faults.training import LONGEST, NotMadeError
+from tests.faults.trial import EPOCHS, Trial
 
 JUMPING_CLOCK = """
 import datetime, itertools, time

@@ -10,9 +10,9 @@ from typing import Any
 
 import torch
 
-from benchmarks.faults.injector import Injector
-from benchmarks.faults.trial import OPTIONS
 from col3d.cli.program import composed
+from tests.faults.injector import Injector
+from tests.faults.trial import OPTIONS
 
 MINE = "precious"
 """What files of others hold, which lie everywhere."""

@@ -6,8 +6,8 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 
-from benchmarks.faults.training import LONGEST, NotMadeError
-from benchmarks.faults.trial import Trial
+from tests.faults.training import LONGEST, NotMadeError
+from tests.faults.trial import Trial
 
 
 def full_disk(trial: Trial) -> list[str]:

@@ -5,8 +5,8 @@ import random
 from collections.abc import Callable
 from pathlib import Path
 
-from benchmarks.faults.training import LostError
-from benchmarks.faults.trial import Trial
+from tests.faults.training import LostError
+from tests.faults.trial import Trial
 
 TRAINED_FRAME = Path("cecum_t1_a") / "0001_color.png"
 

@@ -1,4 +1,4 @@
-"""The matrix of faults as a table in Markdown: `python -m benchmarks.faults`."""
+"""The matrix of faults as a table in Markdown: `python -m tests.faults`."""
 
 import argparse
 import shutil
@@ -9,14 +9,15 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
-from benchmarks.faults.disks import (
+from col3d.reports.jobs import RESULT, STATUS
+from tests.faults.disks import (
     filled_disk,
     full_disk,
     little_shared_memory,
     read_only_from_the_start,
     read_only_later,
 )
-from benchmarks.faults.files import (
+from tests.faults.files import (
     damaged,
     damaged_end,
     deleted_frame,
@@ -26,7 +27,7 @@ from benchmarks.faults.files import (
     spoiled_frame,
     truncated,
 )
-from benchmarks.faults.processes import (
+from tests.faults.processes import (
     killed_while_writing,
     killed_worker,
     killed_worker_of_the_test,
@@ -34,10 +35,9 @@ from benchmarks.faults.processes import (
     signalled_with_workers,
     two_on_one_folder,
 )
-from benchmarks.faults.surroundings import jumping_clock, no_wandb
-from benchmarks.faults.training import LostError, NotMadeError
-from benchmarks.faults.trial import Trial, row
-from col3d.reports.jobs import RESULT, STATUS
+from tests.faults.surroundings import jumping_clock, no_wandb
+from tests.faults.training import LostError, NotMadeError
+from tests.faults.trial import Trial, row
 
 Make = Callable[[Trial], list[str]]
 LAST, BEST, METRICS = "checkpoints/last.ckpt", "checkpoints/best.ckpt", "metrics.csv"

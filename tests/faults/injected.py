@@ -1,4 +1,4 @@
-"""Every write, rename, fsync and read of every command fails once: `python -m benchmarks.faults.injected`.
+"""Every write, rename, fsync and read of every command fails once: `python -m tests.faults.injected`.
 
 Of each command one small run is counted, then run again for every n with its n-th call failing. After each:
 what was there before is there as it was; nothing looks finished that is not; an exit code of 0 stands for the
@@ -17,9 +17,9 @@ from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from benchmarks.faults.injector import KINDS, Injector
-from benchmarks.faults.small_runs import RUNS, SmallRun, prepared_place
-from benchmarks.faults.trial import row
+from tests.faults.injector import KINDS, Injector
+from tests.faults.small_runs import RUNS, SmallRun, prepared_place
+from tests.faults.trial import row
 
 COLUMNS = ("command", "calls that failed once", "survived", "exit code 0", "an error in a line")
 
@@ -69,7 +69,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def tried(run: SmallRun, start: Path, place: Path, injector: Injector, options: argparse.Namespace) -> Tally:
     """All faults of one command."""
     whole, tally = place / "trial", Tally()
-    _copied(start, whole)
+    copied(start, whole)
     run.make_ready(whole)
     code, calls, said = injector.run(run.name, run.given(whole), whole)
     if code:
@@ -77,7 +77,7 @@ def tried(run: SmallRun, start: Path, place: Path, injector: Injector, options: 
     expected, tally.calls = run.result(whole), {kind: calls[kind] for kind in options.kinds}
     for kind in options.kinds:
         end = math.inf if options.seconds is None else time.monotonic() + options.seconds
-        for n in _in_spread_order(_spread(calls[kind], options.most)):
+        for n in in_spread_order(spread(calls[kind], options.most)):
             if time.monotonic() > end:
                 break
             tally.made[kind] += 1
@@ -88,7 +88,7 @@ def tried(run: SmallRun, start: Path, place: Path, injector: Injector, options: 
     return tally
 
 
-def _spread(calls: int, most: int | None) -> list[int]:
+def spread(calls: int, most: int | None) -> list[int]:
     """Which calls fail: all, or so many, the first and the last among them."""
     if most is None or calls <= most:
         return list(range(1, calls + 1))
@@ -97,7 +97,7 @@ def _spread(calls: int, most: int | None) -> list[int]:
     return sorted({1 + round(i * (calls - 1) / (most - 1)) for i in range(most)})
 
 
-def _in_spread_order(numbers: Sequence[int]) -> list[int]:
+def in_spread_order(numbers: Sequence[int]) -> list[int]:
     """The same, so that the first few of them are spread over all (van der Corput's order)."""
     places = sorted(range(len(numbers)), key=lambda place: int(f"{place:032b}"[::-1], 2))
     return [numbers[place] for place in places]
@@ -115,7 +115,7 @@ def one(
     tally: Tally,
 ) -> str:
     """What is wrong after one fault, or nothing."""
-    _copied(start, whole)
+    copied(start, whole)
     run.make_ready(whole)
     before = run.others(whole)
     code, _, said = injector.run(run.name, run.given(whole), whole, kind, n, stays)
@@ -152,7 +152,7 @@ def _differing(found: dict[str, str], expected: dict[str, str]) -> str:
     return ", ".join(names[:5])
 
 
-def _copied(start: Path, whole: Path) -> None:
+def copied(start: Path, whole: Path) -> None:
     shutil.rmtree(whole, ignore_errors=True)
     shutil.copytree(start, whole)
 

@@ -16,7 +16,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from benchmarks.faults.training import PROJECT, NotMadeError
+from tests.faults.training import PROJECT, NotMadeError
 
 KINDS = ("write", "rename", "fsync", "read")
 SOURCE = Path(__file__).with_name("inject.c")
@@ -39,7 +39,7 @@ class Injector:
         library, self.log = place / "inject.so", place / "log.txt"
         subprocess.run([compiler, "-shared", "-fPIC", "-O2", "-o", library, SOURCE, "-ldl"], check=True)
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "benchmarks.faults.injector", str(self.log)],
+            [sys.executable, "-m", "tests.faults.injector", str(self.log)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
