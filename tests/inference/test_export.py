@@ -262,7 +262,7 @@ def test_what_was_refused_leaves_no_file(
         (("output=m.onnx", "size=[256]"), "size: expected at least 2 items"),
         (("output=m.onnx", "size=[16,320]"), "size.0: expected greater than or equal to 64, got 16"),
         (("output=m.onnx", "half=maybe"), "half: expected a valid boolean"),
-        (("output=m.onnx", "max_depth=50"), "max_depth: our checkpoints know theirs"),
+        (("output=m.onnx", "max_depth=50"), "max_depth: only for published weights"),
         (("output=m.onnx", "published=bts", "max_depth=0"), "max_depth: expected greater than 0"),
     ],
 )

@@ -160,7 +160,7 @@ def test_a_video_file_and_a_pattern(tiny_checkpoint: Path, tmp_path: Path) -> No
         (["camera=endoscope"], "camera: 'endoscope' is no file and no known lens"),
         (["camera=[1,2]"], r"camera: expected \[fx,fy,cx,cy\]"),
         (["range=[5,5]"], "range: expected .* low below high"),
-        (["max_depth=50"], "max_depth: our checkpoints know theirs"),
+        (["max_depth=50"], "max_depth: only for published weights"),
     ],
 )
 def test_what_cannot_be_is_refused(

@@ -234,7 +234,7 @@ def test_the_newest_finished_run_is_shown(tmp_path: Path, monkeypatch: pytest.Mo
     [
         ("port=0", "port: expected"),
         ("camera=fisheye", "camera: expected"),
-        ("max_depth=50", "max_depth: our checkpoints know theirs"),
+        ("max_depth=50", "max_depth: only for published weights"),
         ("published=bts", "checkpoint: a value is needed for published weights"),
         ("checkpoint=none.ckpt", "checkpoint: no such file: none.ckpt"),
     ],
