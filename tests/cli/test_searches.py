@@ -12,9 +12,12 @@ from col3d.cli.searches import simplex, take_up, trials_left
 from col3d.registry.refusals import check_options
 from col3d.training.options import TrainOptions
 
-pytestmark = pytest.mark.filterwarnings(
-    "ignore::DeprecationWarning", "ignore::FutureWarning", "ignore:.*experimental"
-)
+pytestmark = [
+    pytest.mark.end_to_end,
+    pytest.mark.filterwarnings(
+        "ignore::DeprecationWarning", "ignore::FutureWarning", "ignore:.*experimental"
+    ),
+]
 
 
 def test_weightings_add_up_to_1_and_are_uniform() -> None:

@@ -24,7 +24,7 @@ from col3d.reports.per_frame import means, read_per_frame
 from col3d.training.callbacks.epoch_lines import EpochLines
 from col3d.training.train import train
 
-pytestmark = pytest.mark.filterwarnings("ignore:.*pin_memory.*")
+pytestmark = [pytest.mark.end_to_end, pytest.mark.filterwarnings("ignore:.*pin_memory.*")]
 Compose = Callable[..., dict[str, Any]]
 EVERY_WAY = [
     *("bts", "bts_cbam", "bts_cbam_mtl", "col3d_mtl", "newcrfs", "monodepth_fpn", "pix2pix"),

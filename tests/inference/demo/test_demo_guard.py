@@ -11,6 +11,8 @@ from starlette.datastructures import Headers
 
 from col3d.inference.demo.guard import refusal
 
+pytestmark = pytest.mark.end_to_end
+
 UPLOAD = "/gradio_api/upload"
 
 

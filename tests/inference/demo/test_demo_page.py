@@ -16,6 +16,7 @@ REBOUND = "elsewhere.test"
 """A name that a page of others has pointed at this machine."""
 programs = {name: shutil.which(name) for name in ("chromium", "chromedriver")}
 pytestmark = [
+    pytest.mark.end_to_end,
     pytest.mark.skipif(None in programs.values(), reason="no Chromium with its driver"),
     pytest.mark.filterwarnings("ignore::ResourceWarning"),  # of the driver's sockets
 ]
