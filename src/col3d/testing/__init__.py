@@ -1,13 +1,12 @@
 """Laws that parts of an experiment obey, for the tests of whoever writes one.
 
-```python
-from col3d.testing import check_network
-from mylab.unet import UNet
+A network is held to them by ::
 
+    from col3d.testing import check_network
+    from mylab.unet import UNet
 
-def test_unet():
-    check_network(UNet)
-```
+    def test_unet():
+        check_network(UNet)
 """
 
 from col3d.testing.laws import check_dataset, check_loss, check_metric, check_network
