@@ -13,21 +13,13 @@ import torch
 
 from col3d.reports.jobs import RESULT, STATUS, read_job, read_plain
 from tests.faults.training import Training
+from tests.helpers.tiny_options import SMALL, SMALLEST
 
 EPOCHS = 3
 OPTIONS = (
-    "preset=smoke",
     "model=bts",
-    "model.encoder=lcnet_035",
-    "data/split=custom",
-    "data.split.train=[cecum_t1_a,trans_t1_a:0-1]",
-    "data.split.val=[trans_t1_a:1-2]",
-    "data.split.test=[desc_t4_a,trans_t1_a:2-2]",
-    "data.size=[64,80]",
-    "data.batch_size=2",
-    "phantom.size=[64,80]",
-    "phantom.frames_per_video=3",
-    "callbacks.panels=1",
+    SMALL,
+    *SMALLEST,
     "callbacks.checkpoint_minutes=0",
     "trainer.accelerator=cpu",
     f"trainer.max_epochs={EPOCHS}",

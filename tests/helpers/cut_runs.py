@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from tiny_run import SMALL
 from col3d.evaluation.scorer import Scoring
 from col3d.training.callbacks.epoch_lines import EpochLines
 from col3d.training.tasks import SupervisedTask
+from col3d.training.train import train
 
 Compose = Callable[..., dict[str, Any]]
 KEPT = (
@@ -53,6 +55,27 @@ def assert_the_same(folder: Path, whole: Path) -> None:
         assert (folder / name).read_text() == (whole / name).read_text()
     results = [json.loads((run / "result.json").read_text()) for run in (folder, whole)]
     assert results[0]["best"] == results[1]["best"]
+
+
+def gone_on(
+    monkeypatch: pytest.MonkeyPatch,
+    tiny: Compose,
+    folder: Path,
+    where: str,
+    epoch: int,
+    batch: int,
+    *given: str,
+) -> Path:
+    """A run that SIGTERM stopped and that went on, the same to the bit as the one in `whole` beside it."""
+    train(options(tiny, folder / "whole", *given))
+    with monkeypatch.context() as patched:
+        stopped_in(patched, where, epoch, batch, signal.SIGTERM)
+        with pytest.raises(SystemExit):
+            train(options(tiny, folder / "cut", *given))
+    train(options(tiny, folder / "cut", *given))
+    assert status_of(folder / "cut")["sessions"] == 2
+    assert_the_same(folder / "cut", folder / "whole")
+    return folder / "cut"
 
 
 def at(

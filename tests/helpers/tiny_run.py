@@ -8,25 +8,11 @@ from typing import Any
 import onnx
 import pytest
 import torch
+from tiny_options import SMALL, TINY
 
 from col3d.cli import program
 
-TINY = (
-    "preset=smoke",
-    "data/split=custom",
-    "data.split.train=[cecum_t1_a,trans_t1_a:0-1]",
-    "data.split.val=[trans_t1_a:1-2]",
-    "data.split.test=[desc_t4_a,trans_t1_a:2-2]",
-    "data.size=[64,80]",
-    "data.batch_size=2",
-    "phantom.size=[64,80]",
-    "phantom.frames_per_video=3",
-    "trainer.max_epochs=1",
-    "callbacks.panels=1",
-)
-"""Options of the smallest run that has every part."""
-SMALL = "model.encoder=lcnet_035"
-"""An encoder whose checkpoints take a megabyte, for the networks that take any."""
+__all__ = ["SMALL", "TINY", "composed", "earlier_export", "real_frames"]
 
 
 def composed(config_name: str, *overrides: str) -> dict[str, Any]:

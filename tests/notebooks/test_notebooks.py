@@ -12,26 +12,15 @@ import numpy as np
 import pytest
 from nbclient import NotebookClient
 from PIL import Image
+from tiny_options import SMALL, SMALLEST
 
 pytestmark = pytest.mark.end_to_end
 
 FOLDER = Path(__file__).parents[2] / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 SECONDS = 300
-TINY = [
-    "preset=smoke",
-    "model.encoder=lcnet_035",
-    "data/split=custom",
-    "data.split.train=[cecum_t1_a,trans_t1_a:0-1]",
-    "data.split.val=[trans_t1_a:1-2]",
-    "data.split.test=[desc_t4_a,trans_t1_a:2-2]",
-    "data.size=[64,80]",
-    "data.batch_size=2",
-    "phantom.size=[64,80]",
-    "phantom.frames_per_video=3",
-    "callbacks.panels=1",
-]
-SMALL = {
+TINY = [SMALL, *SMALLEST]
+PARAMETERS = {
     "1_look_at_a_frame": "SIZE = (108, 135)",
     "2_camera_and_rays": "SIZE = (108, 135)",
     "3_train_in_five_minutes": f'PRESET, EPOCHS, OPTIONS = "smoke", 1, {TINY}',
@@ -78,7 +67,7 @@ def executed(path: Path, folder: Path) -> nbformat.NotebookNode:
     """The notebook with its outputs, run by this interpreter with small parameters."""
     notebook = read(path)
     (parameters,) = (cell for cell in code(notebook) if "parameters" in cell.metadata.get("tags", ()))
-    parameters.source += "\n" + SMALL[path.stem]
+    parameters.source += "\n" + PARAMETERS[path.stem]
     client = NotebookClient(notebook, timeout=SECONDS, resources={"metadata": {"path": str(FOLDER)}})
     client.execute(env=environment(folder))
     return notebook

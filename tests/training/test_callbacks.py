@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 import torch
-from cut_runs import SCORING, assert_the_same, options, status_of, stopped_in
+from cut_runs import SCORING, gone_on, options, stopped_in
 from programs import call
 from tiny_run import TINY, composed
 
@@ -61,16 +61,8 @@ def test_a_run_with_callbacks_goes_on_to_the_bit(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    given = (SELDOM, "data.batch_size=1", *more)
-    train(options(tiny, tmp_path / "whole", *given))
-    with monkeypatch.context() as patched:
-        stopped_in(patched, where, epoch, batch, signal.SIGTERM)
-        with pytest.raises(SystemExit):
-            train(options(tiny, tmp_path / "cut", *given))
-    train(options(tiny, tmp_path / "cut", *given))
-    assert status_of(tmp_path / "cut")["sessions"] == 2
-    assert_the_same(tmp_path / "cut", tmp_path / "whole")
-    found, expected = kept(tmp_path / "cut"), kept(tmp_path / "whole")
+    cut = gone_on(monkeypatch, tiny, tmp_path, where, epoch, batch, SELDOM, "data.batch_size=1", *more)
+    found, expected = kept(cut), kept(tmp_path / "whole")
     for key in {"current_model_state", "averaging_state"} & expected.keys():
         torch.testing.assert_close(found[key], expected[key], rtol=0, atol=0)
     assert ("current_model_state" in expected) == (more is not STOP)

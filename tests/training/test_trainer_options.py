@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cut_runs import assert_the_same, options, stopped_in
+from cut_runs import gone_on, options, stopped_in
 from lightning import Trainer
 from programs import call
 from tiny_run import TINY, composed
@@ -113,17 +113,10 @@ def test_on_the_command_line_the_reason_is_said(tmp_path: Path) -> None:
 def test_a_run_with_them_goes_on_to_the_bit(
     more: list[str], where: str, epoch: int, batch: int, tiny: Compose, tmp_path: Path, monkeypatch: Any
 ) -> None:
-    given = (SELDOM, "data.batch_size=1", *more)
-    train(options(tiny, tmp_path / "whole", *given))
-    with monkeypatch.context() as patched:
-        stopped_in(patched, where, epoch, batch, signal.SIGTERM)
-        with pytest.raises(SystemExit):
-            train(options(tiny, tmp_path / "cut", *given))
-    train(options(tiny, tmp_path / "cut", *given))
-    assert_the_same(tmp_path / "cut", tmp_path / "whole")
-    lines = (tmp_path / "cut" / "metrics.csv").read_text().splitlines()
+    cut = gone_on(monkeypatch, tiny, tmp_path, where, epoch, batch, SELDOM, "data.batch_size=1", *more)
+    lines = (cut / "metrics.csv").read_text().splitlines()
     place = lines[0].split(",").index("train/loss")
-    epochs = json.loads((tmp_path / "cut" / "result.json").read_text())["epochs"]
+    epochs = json.loads((cut / "result.json").read_text())["epochs"]
     assert sum(bool(line.split(",")[place]) for line in lines[1:]) == epochs
 
 

@@ -90,7 +90,7 @@ class FrameDataModule(LightningDataModule):
 
     def train_dataloader(self) -> DataLoader[Any]:
         """Shuffled by (seed, epoch); the last, smaller batch is used too."""
-        rank, world_size = self._place()
+        rank, world_size = self.place()
         self._check_lengths(world_size)
         frames = self.frames["train"]
         sampler: Sampler[int] = DistributedSampler(frames, world_size, rank, shuffle=True, seed=self.seed)
@@ -154,7 +154,7 @@ class FrameDataModule(LightningDataModule):
                 )
 
     def _evaluation(self, split: str) -> DataLoader[Any]:
-        rank, world_size = self._place()
+        rank, world_size = self.place()
         return self._loader(split, ShardedSampler(self.lengths()[split], rank, world_size))
 
     def _loader(self, split: str, sampler: Sampler[int]) -> ResumableLoader:
@@ -169,7 +169,8 @@ class FrameDataModule(LightningDataModule):
             pin_memory=torch.cuda.is_available(),
         )
 
-    def _place(self) -> tuple[int, int]:
+    def place(self) -> tuple[int, int]:
+        """Of the processes of one training: which this is, and how many there are."""
         if self.trainer is not None:
             return self.trainer.global_rank, self.trainer.world_size
         if torch.distributed.is_initialized():

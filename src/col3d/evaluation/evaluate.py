@@ -8,11 +8,11 @@ from col3d.data.build import sized_frames
 from col3d.data.checks.truth import has_truth
 from col3d.data.datamodule import FrameDataModule, Frames
 from col3d.errors import UserError
-from col3d.evaluation.options import EvaluateOptions, ProtocolOptions, build_protocol
+from col3d.evaluation.options import EvaluateOptions, ProtocolOptions
 from col3d.evaluation.predict_frames import Mirror
-from col3d.evaluation.protocol_truth import one_by_one, own_truth
+from col3d.evaluation.protocol_truth import own_truths
 from col3d.evaluation.results import Results, facts_of
-from col3d.evaluation.scorer import Scoring, score_network
+from col3d.evaluation.scorer import score_network, scorings_of
 from col3d.evaluation.setup import EvaluationSetup, evaluation_setup
 from col3d.inference.compiled import compile_network
 from col3d.inference.trained_network import SHIPPED
@@ -60,29 +60,18 @@ def _evaluate(options: EvaluateOptions, stop: StopSignals) -> None:
     setup.scored.print_audit()
     for name in options.protocol:
         Owned(_folder(options, name), KIND, "output_dir").check(FILES)
-    truths: dict[str, Frames | None] = {}
+    truths = own_truths(options.protocol, setup.data, setup.phantom, options.split, setup.data.size)
     for name, protocol in options.protocol.items():
-        truths[name] = own_truth(protocol, setup.data, setup.phantom, options.split, setup.data.size)
         _check_truth(truths[name] or frames, name, protocol, setup, options)
     device = device_for(options.accelerator)
     results = {name: _results(setup, options, name, len(frames)) for name in options.protocol}
-    scorings = [
-        Scoring(
-            build_protocol(name, protocol, options.metrics),
-            results[name].table,
-            None if protocol.resolution == "native" else results[name].panels,
-            protocol.mirror,
-            one_by_one(truths[name], setup.data.workers, device),
-        )
-        for name, protocol in options.protocol.items()
-    ]
     if options.compile:
         compile_network(setup.network, trained=True)
     score_network(
         setup.network,
         FrameDataModule({"test": frames}, setup.data.batch_size, setup.data.workers),
         device,
-        scorings,
+        scorings_of(options.protocol, options.metrics, results, truths, setup.data.workers, device),
         setup.mean_depth,
         _writers(setup, options),
     )

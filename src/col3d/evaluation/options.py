@@ -25,6 +25,11 @@ class ProtocolOptions(Options):
     normal_axes: Literal["standard", "published"]
     average: Literal["frame", "video", "pixel"]
 
+    @property
+    def has_own_truth(self) -> bool:
+        """Whether predictions are held against something else than the frames they are made from."""
+        return self.resolution == "native" or self.truth == "mixed"
+
     @model_validator(mode="after")
     def _has_a_range(self) -> "ProtocolOptions":
         if self.truth_range[0] >= self.truth_range[1]:

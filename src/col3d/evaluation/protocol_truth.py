@@ -1,6 +1,6 @@
 """Ground truth of protocols that score at native resolution, or against truth resized as published."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import torch
 
@@ -13,22 +13,29 @@ from col3d.evaluation.options import ProtocolOptions
 from col3d.phantom.options import PhantomOptions
 
 
-def own_truth(
-    options: ProtocolOptions,
+def own_truths(
+    protocols: Mapping[str, ProtocolOptions],
     source: SourceOptions,
     phantom: PhantomOptions,
     part: str,
     size: Sequence[int],
-) -> Frames | None:
+) -> dict[str, Frames | None]:
     """The frames that a protocol has for itself: of their own resolution, or resized as published.
+
+    Those of full resolution are looked for once, and only where a protocol wants them.
 
     Raises:
         DataError: a video is missing, or a file is not what it should be.
     """
-    if options.resolution == "network" and options.truth == "clean":
-        return None
+    own = {name for name, options in protocols.items() if options.has_own_truth}
+    if not own:
+        return dict.fromkeys(protocols)
     whole = full_frames(source, phantom, part)
-    return whole if options.resolution == "native" else WithMixedTruth(whole, (size[0], size[1]))
+
+    def truth_of(options: ProtocolOptions) -> Frames:
+        return whole if options.resolution == "native" else WithMixedTruth(whole, (size[0], size[1]))
+
+    return {name: truth_of(options) if name in own else None for name, options in protocols.items()}
 
 
 def one_by_one(frames: Frames | None, workers: int, device: torch.device) -> Iterator[Batch] | None:

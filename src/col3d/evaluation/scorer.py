@@ -8,12 +8,16 @@ import torch
 from torch import Tensor, nn
 
 from col3d.batch import Batch, Prediction
-from col3d.data.datamodule import FrameDataModule
+from col3d.data.datamodule import FrameDataModule, Frames
+from col3d.evaluation.options import ProtocolOptions, build_protocol
 from col3d.evaluation.panels import ImagePanels
 from col3d.evaluation.per_frame_table import PerFrameTable
 from col3d.evaluation.predict_frames import Mirror, predict_frames, write_batch
+from col3d.evaluation.protocol_truth import one_by_one
+from col3d.evaluation.results import Results
 from col3d.io.predictions import PredictionWriter
 from col3d.metrics import Protocol
+from col3d.metrics.options import MetricOptions
 
 
 @dataclass
@@ -55,6 +59,36 @@ class Scoring:
         self.table.add(batch, values, baseline)
         if self.panels is not None:
             self.panels.keep(batch, prediction, values)
+
+
+def scorings_of(
+    protocols: Mapping[str, ProtocolOptions],
+    metrics: MetricOptions,
+    results: Mapping[str, Results],
+    truths: Mapping[str, Frames | None],
+    workers: int,
+    device: torch.device,
+) -> list[Scoring]:
+    """A scoring for each protocol, into its results.
+
+    Args:
+        protocols: by name.
+        metrics: options of metrics, by their names.
+        results: where the rows of each protocol go.
+        truths: see `own_truths`.
+        workers: processes that read these.
+        device: to compute on.
+    """
+    return [
+        Scoring(
+            build_protocol(name, options, metrics),
+            results[name].table,
+            None if options.resolution == "native" else results[name].panels,
+            options.mirror,
+            one_by_one(truths[name], workers, device),
+        )
+        for name, options in protocols.items()
+    ]
 
 
 def score_network(

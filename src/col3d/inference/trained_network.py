@@ -59,6 +59,15 @@ def trained_network(path: Path) -> TrainedNetwork:
     """
     checkpoint = read_file(path)
     _check_run(path, checkpoint)
+    return network_of(checkpoint, path)
+
+
+def network_of(checkpoint: Mapping[str, Any], path: Path) -> TrainedNetwork:
+    """The same, of what was read from a file already.
+
+    Raises:
+        UserError: it is of no training, damaged, or of another version.
+    """
     trained = trained_options(checkpoint, path)
     network = build_network(untrained(trained.model), trained.size_hw)
     seen = _fill(network, checkpoint, path)

@@ -16,13 +16,6 @@ def is_first() -> bool:
     return getattr(rank_zero_only, "rank", 0) == 0
 
 
-def rank_and_world() -> tuple[int, int]:
-    """Of the processes of one training: which this is, and how many there are."""
-    if not torch.distributed.is_initialized():
-        return 0, 1
-    return torch.distributed.get_rank(), torch.distributed.get_world_size()
-
-
 def wait_for_all() -> None:
     """Let all processes of a training come to this line."""
     if torch.distributed.is_initialized():

@@ -4,16 +4,14 @@ import torch
 
 from col3d.data.datamodule import FrameDataModule
 from col3d.errors import UserError
-from col3d.evaluation.options import build_protocol
 from col3d.evaluation.predict_frames import Mirror
-from col3d.evaluation.protocol_truth import one_by_one, own_truth
+from col3d.evaluation.protocol_truth import own_truths
 from col3d.evaluation.results import Results
-from col3d.evaluation.scorer import Scoring, score_network
-from col3d.inference.trained_network import TrainedNetwork, trained_network
+from col3d.evaluation.scorer import score_network, scorings_of
+from col3d.inference.trained_network import TrainedNetwork, network_of
 from col3d.io.predictions import PredictionWriter
 from col3d.runs.checkpoints import DamagedError, read_checkpoint
 from col3d.runs.folder import BEST, PREDICTIONS, RunFolder
-from col3d.runs.rank import rank_and_world
 from col3d.runs.trained import mean_depth
 from col3d.training.options import TrainOptions
 
@@ -26,12 +24,13 @@ def best_network(folder: RunFolder) -> TrainedNetwork:
     """
     path = folder.path / BEST
     try:
-        folder.check_best(read_checkpoint(path))
+        content = read_checkpoint(path)
     except DamagedError as error:
         raise UserError(
             f"the best epoch's weights are damaged, and the same command finds them anew: {error}"
         ) from None
-    return trained_network(path)
+    folder.check_best(content)
+    return network_of(content, path)
 
 
 def score_best(
@@ -55,18 +54,14 @@ def score_best(
         predictions: whether they are kept.
     """
     name, protocol = options.one_protocol
-    truth = own_truth(protocol, options.data.tested, options.phantom, "test", options.data.size)
-    results.panels.choose(data.lengths()["test"], *rank_and_world())
-    scoring = Scoring(
-        build_protocol(name, protocol, options.metrics),
-        results.table,
-        results.panels,
-        protocol.mirror,
-        one_by_one(truth, options.data.workers, device),
+    truths = own_truths(options.protocol, options.data.tested, options.phantom, "test", options.data.size)
+    results.panels.choose(data.lengths()["test"], *data.place())
+    scorings = scorings_of(
+        options.protocol, options.metrics, {name: results}, truths, options.data.workers, device
     )
     writers: dict[Mirror, PredictionWriter] = {}
     if predictions:
         facts = {"max_depth": options.model.max_depth, "split": "test"}
         writers[protocol.mirror] = PredictionWriter(folder.path / PREDICTIONS, facts)
     mean, limit = mean_depth(best.depth_seen), options.trainer.limit_test_batches
-    score_network(best.network, data, device, [scoring], mean, writers, limit)
+    score_network(best.network, data, device, scorings, mean, writers, limit)

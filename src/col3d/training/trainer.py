@@ -5,7 +5,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import torch
 from lightning import Callback, Trainer
 from lightning.fabric.plugins.environments import SLURMEnvironment
 from lightning.pytorch.callbacks import Checkpoint, ModelSummary
@@ -13,6 +12,7 @@ from lightning.pytorch.loggers import Logger
 from lightning.pytorch.profilers import AdvancedProfiler, PyTorchProfiler, SimpleProfiler
 
 from col3d.runs.checkpoints import CheckpointFiles
+from col3d.runs.environment import device_for
 from col3d.training.callbacks.unfreeze import Unfreeze
 from col3d.training.trainer_options import TrainerOptions
 
@@ -43,10 +43,9 @@ def make_trainer(
     in_turn = adversarial or any(isinstance(callback, Unfreeze) for callback in callbacks)
     parts_unused = in_turn and (given.strategy == "ddp" or given.processes != 1)
     strategy = "ddp_find_unused_parameters_true" if parts_unused else given.strategy
-    on_cpu = given.accelerator == "cpu" or not torch.cuda.is_available()  # metrics are float64: no MPS
     return Trainer(
         max_epochs=given.max_epochs,
-        accelerator="cpu" if on_cpu else "cuda",
+        accelerator=device_for(given.accelerator).type,  # no MPS: metrics are float64
         devices=given.devices,
         strategy=strategy,
         precision=given.precision,

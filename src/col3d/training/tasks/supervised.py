@@ -100,7 +100,7 @@ class SupervisedTask(LightningModule):
 
     def _losses(self, prediction: Prediction, batch: Batch) -> dict[str, Tensor]:
         if self.loss is None:
-            raise RuntimeError("a task without a loss can only be tested")
+            raise RuntimeError("a task without a loss can be neither trained nor validated")
         losses: dict[str, Tensor] = self.loss(prediction, batch, self.current_epoch)
         return losses
 
