@@ -3,7 +3,9 @@
 import json
 import os
 import shutil
+import sys
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +16,7 @@ from tiny_run import SMALL, TINY, composed
 from torch import Tensor
 
 from col3d.phantom import PhantomSettings, render_phantom
+from col3d.registry import KINDS, plugins
 from col3d.training.train import train
 
 pytest.register_assert_rewrite("laws", "small", "parity", "tiny_task", "fake_runs", "cut_runs")
@@ -61,6 +64,34 @@ def environment() -> Iterator[None]:
     for name in {*os.environ} - {*before}:
         del os.environ[name]
     os.environ.update(before)
+
+
+@contextmanager
+def _parts_of_before() -> Iterator[None]:
+    """What is registered inside, by a test or by a plugin it loads, is unknown afterwards."""
+    for registry in KINDS.values():
+        registry.load()
+    parts, plugged = {kind: dict(registry.parts) for kind, registry in KINDS.items()}, set(plugins.loaded)
+    yield
+    for kind, registry in KINDS.items():
+        registry.parts.clear()
+        registry.parts.update(parts[kind])
+    for name in {*plugins.loaded} - plugged:
+        del plugins.loaded[name]
+        for module in [m for m in sys.modules if m == name or m.startswith(f"{name}.")]:
+            del sys.modules[module]
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _parts_of_this_file_alone() -> Iterator[None]:
+    with _parts_of_before():
+        yield
+
+
+@pytest.fixture(autouse=True)
+def _parts_of_this_test_alone() -> Iterator[None]:
+    with _parts_of_before():
+        yield
 
 
 @pytest.fixture(scope="session")

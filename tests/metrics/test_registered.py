@@ -13,7 +13,6 @@ from col3d.metrics import Protocol, TaskMetrics, registered_specs
 from col3d.metrics.measure import measure, try_metrics
 from col3d.metrics.options import metric_options
 from col3d.registry import (
-    METRICS,
     MODELS,
     available,
     describe,
@@ -29,12 +28,6 @@ MAPS = (
     torch.full((3, 1, 4, 5), 10.0),
     torch.ones(3, 1, 4, 5, dtype=torch.bool),
 )
-
-
-@pytest.fixture(autouse=True)
-def _of_this_test_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    available("metric")
-    monkeypatch.setattr(METRICS, "parts", dict(METRICS.parts))
 
 
 def bias(preds: Tensor, target: Tensor, mask: Tensor, power: Annotated[float, Field(gt=0)] = 1.0) -> Tensor:

@@ -35,10 +35,8 @@ class Net(nn.Module):
 
 
 @pytest.fixture
-def nets(monkeypatch: pytest.MonkeyPatch) -> Registry:
-    """The registry of networks with one more, for the time of a test."""
-    monkeypatch.setattr(MODELS, "parts", dict(MODELS.parts))
-    available("model")
+def nets() -> Registry:
+    """The registry of networks with one more."""
     MODELS.register("net", Net, predicts=("depth",), depth_alone=None, presets={})
     return MODELS
 

@@ -168,7 +168,6 @@ def test_on_the_command_line_an_entry_is_a_name_and_its_options(tmp_path: Path) 
 def test_one_of_somebody_s_joins(tiny: Compose, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from lightning import Callback
 
-    monkeypatch.setattr(CALLBACKS, "parts", dict(CALLBACKS.parts))
     seen: list[int] = []
 
     @register_callback("counter")

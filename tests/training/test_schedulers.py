@@ -230,8 +230,7 @@ def test_rules_of_torch_are_one_line(name: str, given: Any, optimizer: Any, mess
     assert str(error.value).startswith(message)
 
 
-def test_a_schedule_of_somebody_s_is_told_how_long_the_training_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(SCHEDULERS, "parts", dict(SCHEDULERS.parts))
+def test_a_schedule_of_somebody_s_is_told_how_long_the_training_is() -> None:
 
     @register_scheduler("warm")
     def warm(optimizer: Any, training: Any, share: float = 0.5) -> Any:

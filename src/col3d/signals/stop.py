@@ -104,7 +104,7 @@ def stoppable(how: str) -> Iterator[StopSignals]:
             yield stop
             stop.release()
         except Stopped as stopped:
-            print(f"stopped; {how}", flush=True)
+            print(f"\nstopped; {how}", flush=True)  # on a line of its own: a signal may come amid another
             raise SystemExit(stopped.code) from None
 
 

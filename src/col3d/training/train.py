@@ -93,7 +93,7 @@ def _at_work(options: TrainOptions) -> float | tuple[float, ...]:
                 return _trained(options, RunFolder(run_request(options)), stop)
         except Stopped as stopped:
             if is_first():
-                print(f"stopped; the same command goes on: {path}", flush=True)
+                print(f"\nstopped; the same command goes on: {path}", flush=True)
                 stop.hand_on(stopped.signum)
             raise SystemExit(stopped.code if is_first() else 0) from None
         finally:
