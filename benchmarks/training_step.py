@@ -10,7 +10,7 @@ from benchmarks.timing import Work, interleaved
 from col3d.batch import Batch
 from col3d.data.datasets.frame_set import FrameSet
 from col3d.data.sized import Resized
-from col3d.data.transforms import Augment
+from col3d.data.transforms import Augment, draws_of
 from col3d.training.build import build_task
 from col3d.training.options import TrainOptions
 
@@ -56,5 +56,5 @@ def training_step(options: TrainOptions, batch: Batch, device: torch.device) -> 
 
 
 def _augment(augment: Augment, batch: Batch, device: torch.device) -> None:
-    augment(batch, seed=0, epoch=0)
+    augment(batch, draws_of(batch, seed=0, epoch=0).to(device))
     wait_for(device)

@@ -18,7 +18,7 @@ from benchmarks.networks import batch_of
 from benchmarks.timing import Work, interleaved, ratios
 from col3d.data.cache import Stored
 from col3d.data.cache.codes import QuantizedBatch, decode
-from col3d.data.transforms import Augment
+from col3d.data.transforms import Augment, draws_of
 
 NETWORK = "col3d_mtl"
 RENDERED_HW, RENDERED = (324, 405), 16
@@ -60,8 +60,9 @@ class Epoch:
 
     def take(self, codes: QuantizedBatch, step: bool) -> None:
         """One batch as it comes from the loader."""
+        draws = draws_of(codes, seed=0, epoch=0).to(self.setting.device, non_blocking=True)
         decoded = decode(on_device(codes, self.setting.device), self.stored.cameras)
-        batch = Augment()(decoded, seed=0, epoch=0)
+        batch = Augment()(decoded, draws)
         if step:
             self.network.step(self.setting, BFLOAT16, batch)
 

@@ -19,7 +19,7 @@ from torch.utils.data import Dataset
 from col3d.data.datamodule import FrameDataModule
 from col3d.data.resize import Resize
 from col3d.data.samplers import ShardedSampler, WeightedOrder
-from col3d.data.transforms import Augment
+from col3d.data.transforms import Augment, draws_of
 from col3d.data.workers import SteadyLoader
 
 
@@ -98,16 +98,20 @@ def test_only_training_batches_are_augmented(item: dict[str, Any]) -> None:
     augment = Augment(rotation=20.0)
     module = module_of(item, seed=5, augment=augment)
     batch = next(iter(module.val_dataloader()))
-    assert module.on_after_batch_transfer(batch, 0) is batch
+
+    def transferred() -> Any:
+        return module.on_after_batch_transfer(module.on_before_batch_transfer(batch, 0), 0)
+
+    assert transferred() is batch
     trainer = SimpleNamespace(training=False, current_epoch=3, global_rank=0, world_size=1)
     module.trainer = trainer  # type: ignore[assignment]
-    assert module.on_after_batch_transfer(batch, 0) is batch
+    assert transferred() is batch
     trainer.training = True
-    found = module.on_after_batch_transfer(batch, 0)
-    assert torch.equal(found["depth"], augment(batch, seed=5, epoch=3)["depth"])
+    found = transferred()
+    assert torch.equal(found["depth"], augment(batch, draws_of(batch, seed=5, epoch=3))["depth"])
     assert not torch.equal(found["depth"], batch["depth"])
     trainer.current_epoch = 4
-    assert not torch.equal(module.on_after_batch_transfer(batch, 0)["depth"], found["depth"])
+    assert not torch.equal(transferred()["depth"], found["depth"])
 
 
 # several data sets

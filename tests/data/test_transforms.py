@@ -9,7 +9,7 @@ from torch.nn.functional import interpolate
 from torch.utils.data import default_collate
 
 from col3d.batch import Batch
-from col3d.data.transforms import Augment, crop, flip, jitter, rotate
+from col3d.data.transforms import Augment, crop, draws_of, flip, jitter, rotate
 from col3d.geometry import Camera, OmnidirectionalCamera, angle_between, normals_from_depth
 
 MAPS = ("image", "depth", "normals", "mask", "rays")
@@ -47,7 +47,7 @@ def middle(values: Tensor) -> Tensor:
 
 def test_items_without_normals(item: dict[str, Any]) -> None:
     del item["normals"]
-    moved = Augment(rotation=10.0, flip=1.0, jitter=1.0)(batch_of(item), 0, 0)
+    moved = Augment(rotation=10.0, flip=1.0, jitter=1.0)(batch_of(item), draws_of(batch_of(item), 0, 0))
     assert set(moved) == set(Batch.__annotations__) - {"normals"}
 
 
@@ -246,10 +246,10 @@ each = pytest.mark.parametrize("augment", [FULL, CROP])
 @each
 def test_draws_depend_on_the_frame_and_not_on_its_batch(item: dict[str, Any], augment: Augment) -> None:
     batch = batch_of(item, 6)
-    together = augment(batch, seed=1, epoch=2)
+    together = augment(batch, draws_of(batch, seed=1, epoch=2))
     for i in (5, 0, 3):
         single: Any = {k: v[i : i + 1] for k, v in batch.items()}  # type: ignore[index]
-        alone = augment(single, seed=1, epoch=2)
+        alone = augment(single, draws_of(single, seed=1, epoch=2))
         for key in ("image", "rays"):
             torch.testing.assert_close(alone[key][0], together[key][i], atol=1e-3, rtol=1e-4)  # type: ignore[literal-required]
         assert (alone["mask"][0] == together["mask"][i]).float().mean() > 0.99
@@ -261,20 +261,21 @@ def test_draws_are_reproducible_and_differ_by_seed_epoch_frame_and_video(
 ) -> None:
     batch = batch_of(item, 4)
     torch.manual_seed(0)
-    first = augment(batch, seed=1, epoch=2)
+    first = augment(batch, draws_of(batch, seed=1, epoch=2))
     torch.manual_seed(99)
-    again = augment(batch, seed=1, epoch=2)
+    again = augment(batch, draws_of(batch, seed=1, epoch=2))
     for key in MAPS:
         assert torch.equal(first[key], again[key])  # type: ignore[literal-required]
     other_video: Any = batch | {"video": ["desc_t4_a"] * 4}
-    for other in (augment(batch, 2, 2), augment(batch, 1, 3), augment(other_video, 1, 2)):
+    others = draws_of(batch, 2, 2), draws_of(batch, 1, 3), draws_of(other_video, 1, 2)
+    for other in (augment(batch, draws) for draws in others):
         assert all(not torch.equal(first["rays"][i], other["rays"][i]) for i in range(4))
     assert not torch.equal(first["rays"][0], first["rays"][1])
 
 
 def test_shares_of_the_draws(item: dict[str, Any]) -> None:
     small = batch_of({k: v[:, :3, :3] if isinstance(v, Tensor) else v for k, v in item.items()}, 400)
-    found = Augment(rotation=0.0, flip=0.3, jitter=0.6)(small, 0, 0)
+    found = Augment(rotation=0.0, flip=0.3, jitter=0.6)(small, draws_of(small, 0, 0))
     mirrored = (found["depth"][:, 0, 0, 0] - small["depth"][:, 0, 0, 0]).abs() + (
         found["rays"] - small["rays"]
     ).abs().amax(dim=(1, 2, 3)) > 1e-6
@@ -286,8 +287,8 @@ def test_shares_of_the_draws(item: dict[str, Any]) -> None:
 
 def test_defaults_turn_by_a_degree_at_most_and_do_nothing_else(item: dict[str, Any]) -> None:
     batch = batch_of(item, 30)
-    found = Augment()(batch, 0, 0)
-    draws = Augment._draws(batch, 0, 0)
+    found = Augment()(batch, draws_of(batch, 0, 0))
+    draws = draws_of(batch, 0, 0)
     assert torch.equal(found["image"], rotate(batch, 2 * draws[:, 1] - 1)["image"])
     turned = angle_between(found["rays"], batch["rays"])[..., 20:-20, 20:-20]
     assert turned.max() < 0.05  # the direction of a pixel stays, up to what is not radially symmetric
@@ -300,8 +301,8 @@ def test_defaults_turn_by_a_degree_at_most_and_do_nothing_else(item: dict[str, A
 
 def test_windows_are_anywhere_in_the_frame(item: dict[str, Any]) -> None:
     batch = batch_of(item, 30)
-    found = CROP(batch, 0, 0)
-    draws = Augment._draws(batch, 0, 0)[:, 8:]
+    found = CROP(batch, draws_of(batch, 0, 0))
+    draws = draws_of(batch, 0, 0)[:, 8:]
     assert torch.equal(found["image"], crop(batch, 0.8, draws)["image"])
     assert draws.shape == (30, 2)
     assert (draws.amin(dim=0) < 0.2).all()
@@ -310,14 +311,15 @@ def test_windows_are_anywhere_in_the_frame(item: dict[str, Any]) -> None:
 
 def test_nothing_to_do(item: dict[str, Any]) -> None:
     batch = batch_of(item)
-    assert Augment(rotation=0.0)(batch, 0, 0) is batch
+    assert Augment(rotation=0.0)(batch, draws_of(batch, 0, 0)) is batch
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16, torch.float64])
 def test_types_of_images(item: dict[str, Any], dtype: torch.dtype) -> None:
     batch = batch_of(item)
-    expected = FULL(batch, 0, 0)
-    found = FULL(batch | {"image": batch["image"].to(dtype)}, 0, 0)  # type: ignore[arg-type]
+    draws = draws_of(batch, 0, 0)
+    expected = FULL(batch, draws)
+    found = FULL(batch | {"image": batch["image"].to(dtype)}, draws)  # type: ignore[arg-type]
     torch.testing.assert_close(found["image"].float(), expected["image"], atol=1e-2, rtol=0)
     assert torch.equal(found["depth"], expected["depth"])
 
@@ -326,7 +328,8 @@ def test_types_of_images(item: dict[str, Any], dtype: torch.dtype) -> None:
 def test_another_device_draws_the_same(item: dict[str, Any]) -> None:
     batch = batch_of(item)
     there: Any = {k: v.cuda() if isinstance(v, Tensor) else v for k, v in batch.items()}
-    found, expected = FULL(there, 0, 0), FULL(batch, 0, 0)
+    draws = draws_of(batch, 0, 0)
+    found, expected = FULL(there, draws.cuda()), FULL(batch, draws)
     for key in MAPS:
         assert found[key].is_cuda  # type: ignore[literal-required]
     torch.testing.assert_close(found["depth"].cpu(), expected["depth"], atol=1e-2, rtol=1e-3)

@@ -36,6 +36,7 @@ class OneWeight(LightningModule):
 @pytest.mark.parametrize("bad", [float("nan"), float("inf"), -float("inf")])
 def test_step_and_frames_are_named(bad: float) -> None:
     callback, trainer = FiniteNumbers(), Mock(spec=Trainer, fit_loop=SimpleNamespace(total_batch_idx=41))
+    trainer.current_epoch = 0
     module = Mock(spec=LightningModule)
     batch = {"video": ["cecum_t1_a", "desc_t4_a"], "frame": torch.tensor([7, 130])}
     callback.on_train_batch_start(trainer, module, batch, 0)
@@ -44,11 +45,11 @@ def test_step_and_frames_are_named(bad: float) -> None:
         callback.on_before_backward(trainer, module, torch.tensor(bad))
 
 
-def fit(module: LightningModule, callback: Callback) -> None:
+def fit(module: LightningModule, *callbacks: Callback) -> None:
     batches = [{"video": ["a"], "frame": torch.tensor([k]), "image": torch.ones(2)} for k in range(4)]
     trainer = Trainer(
         max_epochs=1, accelerator="cpu", logger=False, enable_checkpointing=False,
-        enable_progress_bar=False, enable_model_summary=False, callbacks=[callback],
+        enable_progress_bar=False, enable_model_summary=False, callbacks=[*callbacks],
     )  # fmt: skip
     trainer.fit(module, torch.utils.data.DataLoader(batches, batch_size=None))  # type: ignore[arg-type]
 
@@ -78,4 +79,48 @@ def test_large_gradients_that_are_finite_go_on() -> None:
     callback, module = FiniteNumbers(), OneWeight(step=9, bad=0.0)
     module.weight.grad = torch.tensor(3e38)
     optimizer = torch.optim.SGD([{"params": [module.weight]}], lr=0.1)
-    callback.on_before_optimizer_step(Mock(spec=Trainer, precision="32-true"), module, optimizer)
+    progress = SimpleNamespace(total_batch_idx=0)
+    trainer = Mock(spec=Trainer, precision="32-true", fit_loop=progress, current_epoch=0)
+    callback.on_before_optimizer_step(trainer, module, optimizer)
+
+
+class Saves(Callback):
+    """Saves after each step, as a checkpoint by minutes may."""
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.saved = path, list[int]()
+
+    def on_train_batch_end(self, trainer: Trainer, *_: Any) -> None:
+        trainer.save_checkpoint(self.path)
+        self.saved.append(trainer.global_step)
+
+
+@pytest.mark.parametrize(
+    ("module", "said"),
+    [
+        (OneWeight(step=1, bad=float("nan")), "the loss is nan, because of loss_normals at step 1"),
+        (OneWeight(step=1, bad=0.0, bad_gradient=True), "the gradient is not finite at step 1"),
+    ],
+)
+def test_a_host_that_runs_ahead_names_the_step_of_before(
+    module: OneWeight, said: str, tmp_path: Path
+) -> None:
+    with pytest.raises(DivergedError, match=rf"{said} \(frames a:1; "):
+        fit(module, FiniteNumbers(tmp_path, late=2))
+    assert torch.isnan(module.weight)
+    kept = torch.load(tmp_path / "bad_batch.pt", weights_only=True)
+    assert (kept["step"], kept["batch"]["frame"].tolist()) == (1, [1])
+
+
+@pytest.mark.parametrize("step", range(4))
+def test_a_host_that_runs_ahead_reads_all_at_the_end_of_an_epoch(step: int) -> None:
+    with pytest.raises(DivergedError, match=f"at step {step} "):
+        fit(OneWeight(step=step, bad=float("inf")), FiniteNumbers(late=10))
+
+
+def test_nothing_is_saved_after_a_bad_step(tmp_path: Path) -> None:
+    saves = Saves(tmp_path / "last.ckpt")
+    with pytest.raises(DivergedError, match="at step 2 "):
+        fit(OneWeight(step=2, bad=float("nan")), FiniteNumbers(late=10), saves)
+    assert saves.saved == [1, 2]
+    assert torch.load(saves.path)["state_dict"]["weight"] == pytest.approx(0.8)

@@ -13,12 +13,14 @@ from col3d.batch import Batch
 from col3d.data.cache.codes import QuantizedBatch, decode
 from col3d.data.samplers import LaterBatches, ResumableLoader, ShardedSampler, WeightedOrder
 from col3d.data.sized import SizedFrames
-from col3d.data.transforms import Augment
+from col3d.data.transforms import Augment, draws_of
 from col3d.errors import DataError
 from col3d.geometry import Camera
 from col3d.geometry.camera_file import plain_from_camera
 
 Frames = Dataset[dict[str, Any]]
+DRAWS = "draws"
+"""Of a training batch, from the host to its device."""
 
 
 class QuantizedDataset(Dataset[QuantizedBatch]):
@@ -119,12 +121,17 @@ class FrameDataModule(LightningDataModule):
         """In order, each frame once."""
         return self._evaluation("test")
 
+    def on_before_batch_transfer(self, batch: Any, dataloader_idx: int) -> Any:
+        """Draw for training batches, from numbers of frames that are not yet on the device."""
+        if self.augment is None or self.trainer is None or not self.trainer.training:
+            return batch
+        return {**batch, DRAWS: draws_of(batch, self.seed, self.trainer.current_epoch)}
+
     def on_after_batch_transfer(self, batch: Any, dataloader_idx: int) -> Batch:
         """Decode, and augment training batches."""
+        draws = batch.pop(DRAWS, None)
         standard = self._decoded(batch)
-        if self.augment is None or self.trainer is None or not self.trainer.training:
-            return standard
-        return self.augment(standard, self.seed, self.trainer.current_epoch)
+        return standard if draws is None or self.augment is None else self.augment(standard, draws)
 
     def frames_in_order(
         self, split: str, device: torch.device, limit: int | float | None = None

@@ -7,8 +7,9 @@ them turn too, it leaves to us.
 
 import math
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 from jaxtyping import Bool, Float
@@ -22,11 +23,10 @@ from col3d.geometry import unit
 def flip(batch: Batch, chosen: Bool[Tensor, " b"]) -> Batch:
     """Mirror the chosen frames left to right; x of their normals and rays changes its sign."""
     where = chosen[:, None, None, None]
-    mirror = batch["rays"].new_tensor([-1.0, 1.0, 1.0])[:, None, None]
     moved = {key: torch.where(where, value.flip(-1), value) for key, value in _maps(batch).items()}
     for key in ("normals", "rays"):
         if key in moved:
-            moved[key] = torch.where(where, moved[key] * mirror, moved[key])
+            moved[key] = torch.where(where, torch.cat([-moved[key][:, :1], moved[key][:, 1:]], 1), moved[key])
     return batch | moved  # type: ignore[return-value]
 
 
@@ -56,7 +56,7 @@ def crop(batch: Batch, share: float, place: Float[Tensor, "b 2"], sparse: bool =
     """
     size_hw = _size_hw(batch)
     # Edges of the frame are half a pixel outside the outermost centres.
-    room = place.new_tensor([size_hw[1], size_hw[0]]) * (1 - share)
+    room = _pair(place, float(size_hw[1]), float(size_hw[0])) * (1 - share)
     offset = (place.flip(-1) * room + (share - 1) / 2) / -share
     scale = torch.eye(2, device=place.device).expand(len(place), 2, 2) / share
     return _warp(batch, torch.cat([scale, offset[..., None]], dim=-1), lambda vectors: vectors, sparse)
@@ -107,7 +107,7 @@ def jitter(
 
 @dataclass(frozen=True)
 class Augment:
-    """Random transforms of a batch on its device; a frame's draw depends on (seed, epoch, frame) alone.
+    """Random transforms of a batch on its device, by numbers that are drawn on the host.
 
     The defaults are the paper's set: rotation only.
     """
@@ -123,9 +123,8 @@ class Augment:
     sparse: bool = False
     """Whether the truth has holes; see `Resize`."""
 
-    def __call__(self, batch: Batch, seed: int, epoch: int) -> Batch:
-        """The batch with the draws of this epoch applied."""
-        draws = self._draws(batch, seed, epoch).to(batch["image"].device)
+    def __call__(self, batch: Batch, draws: Float[Tensor, "b 10"]) -> Batch:
+        """The batch as the numbers say, those of `draws_of` on its device."""
         if self.flip:
             batch = flip(batch, draws[:, 0] < self.flip)
         if self.rotation:
@@ -140,14 +139,20 @@ class Augment:
             batch = batch | {"image": image}
         return batch
 
-    @staticmethod
-    def _draws(batch: Batch, seed: int, epoch: int) -> Tensor:
-        """Ten uniform numbers a frame, the same whatever the batch, the worker or the device."""
-        rows = []
-        for video, frame in zip(batch["video"], batch["frame"].tolist(), strict=True):
-            key = zlib.crc32(f"{seed}/{epoch}/{video}/{frame}".encode())
-            rows.append(torch.rand(10, generator=torch.Generator().manual_seed(key)))
-        return torch.stack(rows)
+
+def draws_of(batch: Mapping[str, Any], seed: int, epoch: int) -> Float[Tensor, "b 10"]:
+    """Ten uniform numbers a frame, on the host: of (seed, epoch, video, frame) alone, whatever the batch is.
+
+    Args:
+        batch: `video` and `frame` of its frames; numbers that are on a device already have to be waited for.
+        seed: of the training.
+        epoch: of the training.
+    """
+    rows = []
+    for video, frame in zip(batch["video"], batch["frame"].tolist(), strict=True):
+        key = zlib.crc32(f"{seed}/{epoch}/{video}/{frame}".encode())
+        rows.append(torch.rand(10, generator=torch.Generator().manual_seed(key)))
+    return torch.stack(rows)
 
 
 def _maps(batch: Batch) -> dict[str, Tensor]:
@@ -161,17 +166,22 @@ def _turn(vectors: Tensor, degrees: Tensor) -> Tensor:
     return torch.stack([cos * x - sin * y, sin * x + cos * y, z], dim=1)
 
 
-def _pixel_aspect(rays: Float[Tensor, "b 3 h w"]) -> float:
+def _pixel_aspect(rays: Float[Tensor, "b 3 h w"]) -> Float[Tensor, ""]:
     """Width of a pixel over its height, as angles, at the middle of the image; the same for all frames."""
     v, u = rays.shape[-2] // 2, rays.shape[-1] // 2
     first = rays[0]
     across = (first[:, v, u + 1] - first[:, v, u - 1]).norm()
-    return (across / (first[:, v + 1, u] - first[:, v - 1, u]).norm()).item()
+    return across / (first[:, v + 1, u] - first[:, v - 1, u]).norm()
 
 
-def _pixel_rotation(degrees: Tensor, size_hw: tuple[int, int], aspect: float) -> Float[Tensor, "b 2 3"]:
+def _pair(like: Tensor, x: float, y: float) -> Float[Tensor, " 2"]:
+    """Two numbers, filled in on the device: a copy from the host would wait for it."""
+    return torch.stack([like.new_full((), x), like.new_full((), y)])
+
+
+def _pixel_rotation(degrees: Tensor, size_hw: tuple[int, int], aspect: Tensor) -> Float[Tensor, "b 2 3"]:
     """Affine maps of pixels: a rotation about the middle where pixels are `aspect` times as wide as high."""
-    middle = degrees.new_tensor([(size_hw[1] - 1) / 2, (size_hw[0] - 1) / 2])
+    middle = _pair(degrees, (size_hw[1] - 1) / 2, (size_hw[0] - 1) / 2)
     radians = degrees * (math.pi / 180)
     cos, sin = radians.cos(), radians.sin()
     linear = torch.stack([cos, -sin / aspect, sin * aspect, cos], dim=-1).unflatten(-1, (2, 2))

@@ -51,7 +51,7 @@ def ray_normals(
     The polar angle is in [0, pi / 2): every surface that can be seen, and no other, wherever the ray points.
     """
     away = spherical(fractions[:, 0] * (math.pi / 2), fractions[:, 1] * (2 * math.pi))
-    return camera_from_ray(away * away.new_tensor([1.0, 1.0, -1.0]).view(1, 3, 1, 1), rays)
+    return camera_from_ray(torch.cat([away[:, :2], -away[:, 2:]], dim=1), rays)
 
 
 def facing_normals(

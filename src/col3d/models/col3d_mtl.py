@@ -21,7 +21,8 @@ def published_normals(raw: Float[Tensor, "b 3 h w"]) -> Float[Tensor, "b 3 h w"]
 
 def standard_from_published(raw: Float[Tensor, "b 3 h w"]) -> Float[Tensor, "b 3 h w"]:
     """Unit normals in standard axes, facing the camera, of the authors' last convolution."""
-    return unit(published_normals(raw) * raw.new_tensor([1.0, -1.0, -1.0]).view(1, 3, 1, 1))
+    x, y, z = published_normals(raw).split(1, dim=1)
+    return unit(torch.cat([x, -y, -z], dim=1))
 
 
 PUBLISHED = NormalFrame(

@@ -85,7 +85,7 @@ class SupervisedTask(LightningModule):
         """The terms and their `total` for a training batch, logged."""
         losses: dict[str, Tensor] = self._losses(prediction, batch)
         self.last_terms = {name: value.detach() for name, value in losses.items() if name != "total"}
-        rate = batch["depth"].new_tensor(self.trainer.optimizers[0].param_groups[0]["lr"])
+        rate = batch["depth"].new_full((), self.trainer.optimizers[0].param_groups[0]["lr"])
         self.log_train({**_named(losses), "lr": rate}, batch)
         self.totals.count("train/frames_without_truth", (~batch["mask"].flatten(1).any(dim=1)).sum())
         if self.current_epoch == 0:
