@@ -78,7 +78,7 @@ def _evaluate(options: EvaluateOptions, stop: StopSignals) -> None:
     stop.hold()  # for seconds, after which all files are there
     for of_protocol in results.values():
         _write(setup, options, of_protocol)
-    stop.asked = None  # a signal that came too late for anything to be lost by it
+    stop.pending = None  # a signal that came too late for anything to be lost by it
 
 
 def _check_truth(

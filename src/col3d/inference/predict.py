@@ -54,7 +54,7 @@ def predict(given: Mapping[str, Any]) -> None:
             PredictionFolder(Path(options.output), options, network, source, lens) as folder,
         ):
             _run(network, source, lens, options, folder, stop)
-        folder.report(stop.asked is not None)
+        folder.report(stop.pending is not None)
     if folder.written == 0:
         raise UserError(
             f"input: no image of {options.input} could be predicted; the first: {folder.faults[0]}"
@@ -141,7 +141,7 @@ def _run(
             for shot, frame in _predicted(network, shots, lens, options):
                 folder.skip(shot) if frame is None else folder.add(frame)
                 bar.advance(task)
-                if stop.asked is not None:
+                if stop.pending is not None:
                     return
 
 

@@ -30,7 +30,7 @@ def check_room(path: Path, options: PredictOptions, source: ImageSource) -> Owne
             raise UserError(
                 f"output: {path} holds {part}, which is of no prediction of this program; name another folder"
             )
-    written = {(path / name).resolve() for name in owned.there()}
+    written = {(path / name).resolve() for name in owned.existing()}
     if any(file.resolve() in written for file in source.paths):
         raise UserError(f"output: {path} holds the input, {options.input}; name another folder")
     ended = (path / SUMMARY).resolve() in written and not _is_lacking(path / SUMMARY)

@@ -44,7 +44,7 @@ class LastCheckpoint(Checkpoint):
         if loop._should_accumulate() or loop.epoch_loop._num_ready_batches_reached():
             return  # gradients that a step is still to use, or the end of the epoch, which saves
         due = time.monotonic() - self.saved >= self.seconds
-        if _any(trainer, due or self.stop.asked is not None):
+        if _any(trainer, due or self.stop.pending is not None):
             self._save(trainer)
             self._stop_if_asked(trainer)
 
@@ -63,7 +63,7 @@ class LastCheckpoint(Checkpoint):
         dataloader_idx: int = 0,
     ) -> None:
         """Save and stop where it is asked for."""
-        if batch_idx < self.common_batches and _any(trainer, self.stop.asked is not None):
+        if batch_idx < self.common_batches and _any(trainer, self.stop.pending is not None):
             self._save(trainer)
             self._stop_if_asked(trainer)
 
@@ -92,8 +92,8 @@ class LastCheckpoint(Checkpoint):
         self.saved = time.monotonic()
 
     def _stop_if_asked(self, trainer: Trainer) -> None:
-        if _any(trainer, self.stop.asked is not None):
-            raise Stopped(self.stop.asked or 0)
+        if _any(trainer, self.stop.pending is not None):
+            raise Stopped(self.stop.pending or 0)
 
 
 def _any(trainer: Trainer, wish: bool) -> bool:

@@ -13,7 +13,7 @@ from typing import Any, BinaryIO
 import torch
 from lightning.fabric.plugins.io.torch_io import TorchCheckpointIO
 
-from col3d.errors import UserError, and_beneath
+from col3d.errors import UserError, error_chain
 from col3d.io.atomic import BUFFER, whole_file
 
 
@@ -44,7 +44,7 @@ class CheckpointFiles(TorchCheckpointIO):
 
 def _cause(error: BaseException, path: Path) -> BaseException:
     """What a full disk really raised, where torch's writer hides it behind an error of its own."""
-    for hidden in and_beneath(error):
+    for hidden in error_chain(error):
         if isinstance(hidden, OSError):
             return OSError(hidden.errno, hidden.strerror, str(path))
     return error

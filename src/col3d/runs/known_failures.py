@@ -6,7 +6,7 @@ from contextlib import contextmanager
 
 import torch
 
-from col3d.errors import DivergedError, UserError, and_beneath
+from col3d.errors import DivergedError, UserError, error_chain
 
 TOO_LARGE = "cannot be converted to type float without overflow"
 OUT_OF_MEMORY = ("can't allocate memory", "not enough memory", "CUDA out of memory", "Unable to allocate")
@@ -40,7 +40,7 @@ def as_user_errors(smaller: str) -> Iterator[None]:
     except DivergedError as error:
         raise UserError(str(error)) from None
     except Exception as error:
-        for hidden in and_beneath(error):  # torch says so in any line that runs, a library's own try included
+        for hidden in error_chain(error):  # torch says so in any line that runs, a library's own try included
             if line := _line(hidden, smaller):
                 raise UserError(line) from None
         raise

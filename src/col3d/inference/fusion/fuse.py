@@ -93,7 +93,7 @@ def _fuse(options: FuseOptions, stop: StopSignals) -> None:
         found["seen_faces"] = None if wall.observed is None else [len(wall.seen), len(wall.triangles)]
     stop.hold()  # seconds, after which all of it is there
     _write(output, found, surfaces)
-    stop.asked = None  # a signal that came too late for anything to be lost by it
+    stop.pending = None  # a signal that came too late for anything to be lost by it
 
 
 def _write(output: Path, found: dict[str, Any], surfaces: Mapping[str, "Surface"]) -> None:
@@ -144,7 +144,7 @@ def _checked_room(options: FuseOptions) -> Path:
         raise UserError(f"output: {output} is a file; name a folder")
     owned = Owned(output, "fusion", "output")
     owned.check(WRITTEN)
-    if SUMMARY in owned.there() and not options.overwrite:
+    if SUMMARY in owned.existing() and not options.overwrite:
         raise UserError(f"output: {output} holds a fusion already; name another folder or overwrite=true")
     return output
 
