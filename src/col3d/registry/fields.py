@@ -6,4 +6,4 @@ from pydantic import Field
 
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Accelerator = Literal["auto", "cpu", "gpu", "cuda"]
-"""What a program computes on; `auto` is a GPU where there is one."""
+"""Device to compute on; `auto` is a GPU if there is one."""
