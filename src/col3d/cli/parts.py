@@ -44,9 +44,7 @@ class RegisteredParts(ConfigSource):
             package, content = "_global_", {"defaults": defaults, group: content}
         config = OmegaConf.create(content)
         for name, (annotation, _) in part.parameters().items():
-            if isinstance(own.get(name), dict) and not is_group(
-                annotation
-            ):  # an option that is a mapping takes any key
+            if isinstance(own.get(name), dict) and not is_group(annotation):  # a mapping takes any key
                 OmegaConf.set_struct(config[group][name] if chosen else config[name], False)
         return ConfigResult(part.package, self.full_path(), config, {"package": package})
 

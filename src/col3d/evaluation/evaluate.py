@@ -123,10 +123,10 @@ def _write(setup: EvaluationSetup, options: EvaluateOptions, results: Results) -
     results.table.save()
     summary = results.write(setup.network, checkpoint, {})
     decorations = Decorations("the result stands; the same command makes it again")
-    with decorations.one("panels"):
+    with decorations.attempt("panels"):
         results.panels.clear()
         results.panels.draw()
-    with decorations.one(PAGE):
+    with decorations.attempt(PAGE):
         write_run_page(folder)
     results.show(summary, checkpoint)
 

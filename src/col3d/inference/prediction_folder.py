@@ -209,7 +209,7 @@ class PredictionFolder:
         flicker = float(np.mean(self.flicker)) if self.flicker else None
         decorations = Decorations("the rest is there; the same command makes all of it again")
         if self.is_series:
-            with decorations.one(CHART):
+            with decorations.attempt(CHART):
                 draw_over_time(self.path / TABLE, self.path / CHART)
         undone = [*decorations.undone, *([VIDEO] if self.video_fault is not None else [])]
         facts = {**self._summary(stopped, flicker), "undone": undone}

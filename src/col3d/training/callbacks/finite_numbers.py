@@ -1,4 +1,4 @@
-"""Stops a training whose numbers are no longer finite, before they spoil weights and checkpoints."""
+"""Callback that stops a training when numbers are not finite, before they reach weights and checkpoints."""
 
 import math
 from collections.abc import Mapping
@@ -23,7 +23,7 @@ class FiniteNumbers(Callback):
     weights_only=True)` opens: its tensors, videos and frames, the terms of the loss, and why.
 
     Args:
-        folder: where that file goes; nowhere when absent.
+        folder: folder for that file; None writes none.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
@@ -33,7 +33,7 @@ class FiniteNumbers(Callback):
     def on_train_batch_start(
         self, trainer: Trainer, pl_module: LightningModule, batch: Any, batch_idx: int
     ) -> None:
-        """Remember what the step is about."""
+        """Remember the batch of the step."""
         self.batch = batch
 
     def on_before_backward(self, trainer: Trainer, pl_module: LightningModule, loss: Tensor) -> None:
@@ -45,13 +45,13 @@ class FiniteNumbers(Callback):
         if not torch.isfinite(loss):
             terms = {name: value.item() for name, value in getattr(pl_module, "last_terms", {}).items()}
             bad = [f"loss_{name}" for name, value in terms.items() if not math.isfinite(value)]
-            of_them = f", because of {', '.join(bad)}" if bad else ""
-            self._stop(trainer, f"the loss is {loss.item()}{of_them}", terms)
+            causes = f", because of {', '.join(bad)}" if bad else ""
+            self._stop(trainer, f"the loss is {loss.item()}{causes}", terms)
 
     def on_before_optimizer_step(
         self, trainer: Trainer, pl_module: LightningModule, optimizer: Optimizer
     ) -> None:
-        """Refuse a gradient that is not finite; in float16 the scaler leaves such steps out by itself.
+        """Refuse a gradient that is not finite; in float16 the gradient scaler skips such steps by itself.
 
         Raises:
             DivergedError: names the step, the frames and the parameter.
@@ -61,7 +61,7 @@ class FiniteNumbers(Callback):
             return
         if not torch.nn.utils.get_total_norm([p.grad for p in learned if p.grad is not None]).isfinite():
             names = [n for n, p in pl_module.named_parameters() if p.grad is not None and not _finite(p.grad)]
-            if names:  # else the sum of squares alone was too large for float32
+            if names:  # otherwise only the sum of squares overflows float32
                 self._stop(trainer, f"the gradient of {names[0]} is not finite", {})
 
     def _stop(self, trainer: Trainer, reason: str, terms: Mapping[str, float]) -> None:
