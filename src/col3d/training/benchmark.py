@@ -94,7 +94,7 @@ def run_benchmark(jobs: Sequence[Job], output: Path, parallel: int | None = None
     keep_truth(output / "truth", kept.data, kept.phantom, kept.model.max_depth)
     write = [*COL3D, "report", str(output), str(output / "report")]
     if subprocess.run(write, check=False).returncode:
-        raise UserError(f"the runs are there; their report in {output / 'report'} is not, as content above")
+        raise UserError(f"the runs are there; their report in {output / 'report'} is not, as said above")
     if failed:
         raise UserError("\n".join(f"failed: {job.folder}: {_last_line(job)}" for job in failed))
     end(output / "runs")
