@@ -70,7 +70,7 @@ def check_maps(preds: Tensor, target: Tensor, mask: Tensor) -> None:
     """Refuse maps of different shapes, which broadcasting would combine into a wrong number.
 
     Raises:
-        ValueError: `target` has another shape than `preds`, or `mask` is not (b, 1, h, w) of them.
+        ValueError: `target` has another shape than `preds`, or `mask` is not (b, 1, h, w) of the same size.
     """
     if preds.ndim != 4 or preds.shape != target.shape:
         raise ValueError(

@@ -23,11 +23,11 @@ class OptionError(ValueError):
 
 
 class UserError(Exception):
-    """Something that the caller has to change; the text is all there is to show."""
+    """An error that the user has to fix; programs print its message without a traceback."""
 
 
 class RunLockedError(UserError):
-    """Another process is at this run already."""
+    """Another process is training in the folder of this run."""
 
 
 class DivergedError(RuntimeError):
@@ -77,7 +77,7 @@ def check_known(argument: str, name: str, known: Iterable[str]) -> str:
     """Return `name` if it is one of `known`.
 
     Raises:
-        OptionError: names the argument, what came, the nearest valid name and all valid names.
+        OptionError: names the argument, the value, the nearest valid name and all valid names.
     """
     known = list(known)
     if name in known:

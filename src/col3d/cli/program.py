@@ -37,7 +37,7 @@ BAD_INPUT = (DataError, OptionError, UserError, OSError)
 INTERRUPTED = 130
 PLUGINS = "plugins"
 TRAINS = ("train", "benchmark")
-"""Programs whose options have registered parts among them."""
+"""Programs whose options include all registered parts."""
 SCRATCH = "search"
 """Group of values that a sweeper draws and others are computed from; no program takes it."""
 Run = Callable[[dict[str, Any]], Any]
@@ -145,6 +145,6 @@ def _note_failure(folder: Path, reason: str) -> None:
 
 def _drop_if_empty(folder: Path) -> None:
     """Remove the empty folder of a job that never began."""
-    with suppress(OSError):  # it holds something, or may not be written to
+    with suppress(OSError):  # it is not empty, or not writable
         if folder != Path.cwd():
             folder.rmdir()

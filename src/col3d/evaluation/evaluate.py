@@ -33,7 +33,7 @@ FILES = ("summary.json", "per_frame.csv", PAGE)
 
 
 def evaluate(given: Mapping[str, Any]) -> None:
-    """Rebuild network and data, and write the tables of one part of the split, for each protocol.
+    """Load network and data, and write the tables of one part of the split, for each protocol.
 
     Args:
         given: the composed configuration as plain values; see `EvaluateOptions`.

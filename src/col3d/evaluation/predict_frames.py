@@ -25,7 +25,7 @@ def predict_frames(
         mirrors: ways of mirroring.
 
     Raises:
-        ValueError: a prediction is not what a network has to return.
+        UserError: a prediction is not what a network has to return.
         DivergedError: a prediction is not finite; names the frame.
     """
     mirrors = tuple(dict.fromkeys(mirrors))

@@ -26,7 +26,7 @@ def own_truths(
     and only if a protocol needs them.
 
     Raises:
-        DataError: a video is missing, or a file is not what it should be.
+        DataError: a video is missing, or a file is invalid.
     """
     own = {name for name, options in protocols.items() if options.has_own_truth}
     if not own:

@@ -79,7 +79,7 @@ class PredictionWriter:
             self.video = video
             self.owned.claim(f"{video}.npz")
             partial = self.folder / f"{video}.npz.partial"
-            partial.parent.mkdir(parents=True, exist_ok=True)  # names of videos may have folders in them
+            partial.parent.mkdir(parents=True, exist_ok=True)  # names of videos may contain folders
             self.archive = zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED, compresslevel=1)
         codes = np.round(depth.clip(0, self.facts["max_depth"]) / self.facts["max_depth"] * DEPTH_STEPS)
         self._put(f"{frame}_depth", codes.astype(np.uint16))
@@ -99,7 +99,7 @@ class PredictionWriter:
     def give_up(self) -> None:
         """Remove the partial file of the current video, after an error or a stop."""
         if self.archive is not None:
-            with suppress(OSError, ValueError):  # a disk that is full, an entry that was begun
+            with suppress(OSError, ValueError):  # a full disk, or an entry that is still open
                 self.archive.close()
             (self.folder / f"{self.video}.npz.partial").unlink(missing_ok=True)
             self.archive = None

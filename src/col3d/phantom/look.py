@@ -37,7 +37,7 @@ class Tissue:
     vessel_width: float = 0.45
     """Half the width of the widest vessels; that of capillaries is half as large."""
     mucus: float = 0.15
-    """Extent of a pale film; at 0 it lies only in the minima of the slowest variation."""
+    """Extent of a pale film; at 0 it lies only at extremes of the slowest variation."""
     mucus_colour: Colour = (0.75, 0.66, 0.42)
     bubbles: int = 4
     """Number of clusters of bubbles."""

@@ -43,7 +43,7 @@ def rule(annotation: Any) -> str:
 
 
 def is_group(annotation: Any) -> bool:
-    """Whether a parameter is a group of options of its own."""
+    """Whether a parameter's annotation is a group of options."""
     return isinstance(annotation, type) and issubclass(annotation, BaseModel)
 
 

@@ -76,7 +76,7 @@ def _protocols(given: dict[str, Any]) -> dict[str, Any]:
 
 
 def _data(options: dict[str, Any]) -> dict[str, Any]:
-    """Drop options that belong to other data sets from those of a data set and of its other sources."""
+    """Drop options that a data set lacks and that hold their default, also in `test` and `also`."""
     also = options.get("also")
     inside = {name: _data(source) for name, source in also.items()} if isinstance(also, dict) else also
     test = options.get("test")

@@ -1,4 +1,4 @@
-"""Types of options that several rooms share."""
+"""Types of options that several packages share."""
 
 from typing import Annotated, Literal
 

@@ -23,13 +23,13 @@ RESERVED = (
 
 @dataclass(frozen=True)
 class MetricSpec:
-    """A metric as files, tables and figures need to know it; the defaults are those of a plugin's metric.
+    """Specification of a metric for files, tables and figures; the defaults suit a plugin's metric.
 
     Attributes:
-        name: in `per_frame.csv`, `metrics.csv` (`val/<name>`) and `summary.json`.
+        name: name of the metric in `per_frame.csv`, `metrics.csv` (`val/<name>`) and `summary.json`.
         task: what it is measured on, "depth" or "normals"; "" if unknown.
         better: "lower", "higher", or None if neither is better; then no row of a table is best.
-        unit: of the printed value, after `scale`.
+        unit: unit of the printed value, after `scale`.
         heading: heading in tables and figures; if empty, the name.
         latex: heading in LaTeX; if empty, `heading`.
         decimals: digits after the point in tables.
@@ -89,7 +89,7 @@ def checked_spec(spec: MetricSpec) -> MetricSpec:
     """Return a spec after checking that files and tables can hold it.
 
     Raises:
-        ValueError: names what breaks a rule.
+        ValueError: names the field that breaks a rule.
     """
     where = f"register_metric: {spec.name}"
     if spec.name in RESERVED or spec.name == "loss" or spec.name.startswith("loss_"):

@@ -86,7 +86,7 @@ class Registry:
     Args:
         kind: name of the kind, such as "model".
         homes: modules whose import registers the parts of this package; a later one is imported only for a
-            name that the earlier ones do not have, or where all are listed.
+            name that the earlier ones lack, or to list all names.
         option: the option that names a part, for messages.
         place: the group with a part's options; {name} stands for the part's name.
         groups: groups of options whose choices are these parts, each with the `module:function` that maps a

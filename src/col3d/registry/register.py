@@ -35,7 +35,7 @@ def register_model(
 
     Args:
         name: for `model=NAME` on the command line, and for `create`.
-        build: the class, or a function that makes the network. A parameter `size_hw` is given the height and
+        build: the class, or a function that makes the network. A parameter `size_hw` receives the height and
             width of the frames.
         loss: the file of `conf/loss` that it trains with by default.
         task: the file of `conf/task` that it trains with by default.
@@ -87,7 +87,7 @@ def register_metric(
     """Register a metric: a function (preds, target, mask, and its options) -> one value a frame, (b,).
 
     Depth is (b, 1, h, w) in mm, normals are unit (b, 3, h, w), the mask is (b, 1, h, w), True where a pixel
-    counts. Predictions are raised to 0.001 mm and cut at the upper end of the protocol's range, unless the
+    counts. Predictions are clipped to between 0.001 mm and the upper end of the protocol's range, unless the
     function has parameters `min_depth` and `max_depth`, which it then receives. NaN means that a frame has no
     value: its cell stays empty, and it is left out of means.
 

@@ -30,11 +30,11 @@ def _no_empty_path(value: Any) -> Any:
 
 
 NoneWord = BeforeValidator(lambda value: None if value == "none" else value)
-"""Lets `none` on a command line stand for null."""
+"""Validator that reads `none` on a command line as null."""
 
 
 class Options(BaseModel):
-    """Base of all groups of options: nothing that is not declared, nothing changed once checked."""
+    """Base of all option classes: undeclared options are refused, and checked ones are immutable."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, protected_namespaces=())
 

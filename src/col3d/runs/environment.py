@@ -15,7 +15,7 @@ def quiet() -> None:
     warnings.filterwarnings("ignore", message=r".*isinstance\(treespec, LeafSpec\)")
     warnings.filterwarnings("ignore", message=".*directory .* exists and is not empty")
     warnings.filterwarnings("ignore", message=".*does not have many workers which may be a bottleneck")
-    warnings.filterwarnings("ignore", message="ReduceLROnPlateau conditioned on metric")  # no validation yet
+    warnings.filterwarnings("ignore", message="ReduceLROnPlateau conditioned on metric")  # no metric yet
     warnings.filterwarnings("ignore", message="The `srun` command is available on your system but is not")
 
 

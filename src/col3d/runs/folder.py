@@ -53,8 +53,8 @@ class RunFolder:
         longer: message about a run that goes on for more epochs than it had; else empty.
 
     Raises:
-        UserError: the folder holds something else: the run of other options, while overwrite is not set, or
-            files that this program did not write.
+        UserError: the folder holds a run of other options and `overwrite` is not set, or files that this
+            program did not write.
     """
 
     def __init__(self, request: RunRequest) -> None:
@@ -237,7 +237,7 @@ class RunFolder:
         """Read the options of the run in this folder, from a checkpoint or else from config.yaml."""
         given = content.get("hyper_parameters")
         before = given.get("options") if isinstance(given, dict) else None
-        if before is None:  # config.yaml may be damaged, a checkpoint has been checked
+        if before is None:  # unlike a verified checkpoint, config.yaml may be damaged
             with suppress(OSError, ValueError, yaml.YAMLError):
                 before = yaml.safe_load((self.path / CONFIG).read_text(encoding="utf-8"))
         return self.request.completed(before) if isinstance(before, dict) else {}

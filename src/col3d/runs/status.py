@@ -77,7 +77,7 @@ def reported(status: JobStatus) -> Iterator[JobStatus]:
         raise
     except BaseException as error:
         if status.begun:
-            with suppress(OSError), children_unheard():  # a full disk is among the reasons
+            with suppress(OSError), children_unheard():  # the error may be a full disk
                 status.write("failed", error=_last_line(error))
         raise
     status.write("done")

@@ -45,7 +45,7 @@ class _Frames(_Loose):
 
 @dataclass(frozen=True)
 class Trained:
-    """The options of a training.
+    """The options with which a checkpoint was trained.
 
     Attributes:
         checkpoint: path of the checkpoint.

@@ -27,8 +27,8 @@ class Stopped(SystemExit):
 
 
 class StopSignals:
-    """Catches Ctrl-C, SIGTERM, SIGUSR1, SIGHUP where `nohup` has not turned it off, and SIGUSR2 where the
-    launcher of a job listens to it.
+    """Catches Ctrl-C, SIGTERM, SIGUSR1, SIGHUP unless `nohup` ignores it, and SIGUSR2 if a job's launcher
+    handles it.
 
     A signal raises `Stopped` at once, which ends the process. Between `hold` and `release` it is kept in
     `pending` instead, so that `LastCheckpoint` saves and stops where a training can go on. A second signal
@@ -44,7 +44,7 @@ class StopSignals:
         self._before: Mapping[int, Any] = {}
 
     def __enter__(self) -> "StopSignals":
-        listened = [signal.SIGUSR2] if callable(signal.getsignal(signal.SIGUSR2)) else []  # submitit does
+        listened = [signal.SIGUSR2] if callable(signal.getsignal(signal.SIGUSR2)) else []  # submitit's
         self._before = {n: early.usual(n, signal.getsignal(n)) for n in (*SIGNALS, *listened)}
         if self._before[signal.SIGHUP] is signal.SIG_IGN:
             del self._before[signal.SIGHUP]
@@ -93,7 +93,7 @@ class StopSignals:
 
 @contextmanager
 def stoppable(how: str) -> Iterator[StopSignals]:
-    """End the block by Ctrl-C, SIGTERM, SIGHUP or SIGUSR1 with everything closed that is open in it.
+    """Let Ctrl-C, SIGTERM, SIGHUP or SIGUSR1 end the block, and close everything that is open in it.
 
     A signal raises `Stopped` at once. After `hold` it is kept in `pending`, which the block may read, and
     raises at the end of the block. A second signal never waits.
@@ -109,7 +109,7 @@ def stoppable(how: str) -> Iterator[StopSignals]:
             yield stop
             stop.release()
         except Stopped as stopped:
-            print(f"\nstopped; {how}", flush=True)  # on a line of its own: a signal may come amid another
+            print(f"\nstopped; {how}", flush=True)  # a signal may come in the middle of a line
             raise SystemExit(stopped.code) from None
 
 

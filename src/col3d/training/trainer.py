@@ -45,7 +45,7 @@ def make_trainer(
     strategy = "ddp_find_unused_parameters_true" if parts_unused else given.strategy
     return Trainer(
         max_epochs=given.max_epochs,
-        accelerator=device_for(given.accelerator).type,  # no MPS: metrics are float64
+        accelerator=device_for(given.accelerator).type,  # MPS is not supported: metrics are float64
         devices=given.devices,
         strategy=strategy,
         precision=given.precision,

@@ -103,7 +103,7 @@ def read_truth(path: Path, size_hw: tuple[int, int]) -> Truth:
         size_hw: size of the image that it belongs to.
 
     Raises:
-        DataError: it is something else, or of another size.
+        DataError: it is no such file, or of another size.
     """
     _check_bytes(path) if is_array(path) else _check_image(path)
     try:

@@ -10,7 +10,7 @@ from col3d.registry.metric_specs import OURS
 
 
 class EpochLines(Callback):
-    """Prints losses, watched metrics and those of plugins, the time of the epoch and what is left.
+    """Prints losses, the main metrics and those of plugins, the time of an epoch and the time left.
 
     Args:
         then: called with the number of finished epochs.

@@ -19,8 +19,8 @@ BAD_BATCH = "bad_batch.pt"
 class FiniteNumbers(Callback):
     """Checks every loss before it is differentiated, and every gradient before the optimiser uses it.
 
-    The batch in question is kept as `bad_batch.pt`, plain tensors and values that `torch.load(...,
-    weights_only=True)` opens: its tensors, videos and frames, the terms of the loss, and why.
+    The offending batch is saved as `bad_batch.pt`, plain tensors and values that `torch.load(...,
+    weights_only=True)` opens: its tensors, videos and frames, the terms of the loss, and the reason.
 
     Args:
         folder: folder for that file; None writes none.

@@ -31,7 +31,7 @@ class SupervisedTask(LightningModule):
         loss: (prediction, batch, epoch) -> terms by name and `total`; None if nothing is trained.
         optimizer: network -> optimiser.
         scheduler: (optimiser, steps of the schedule, epochs of the training) -> learning-rate schedule.
-        interval: after what the schedule is stepped, "step" or "epoch".
+        interval: how often the schedule is stepped, after each "step" or "epoch".
         monitor: the metric that the schedule monitors, if it monitors one.
         options: plain options of the training, saved in checkpoints.
         metrics: options of metrics by name, for validation.
@@ -210,7 +210,7 @@ class SupervisedTask(LightningModule):
 
 
 def _check_length(schedule: LRScheduler, steps: int) -> None:
-    """Refuse a schedule that ends before the training, which torch would only report at its end.
+    """Refuse a schedule that ends before the training, which torch would report only when it happens.
 
     Raises:
         UserError: names the option.
