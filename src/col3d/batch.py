@@ -1,4 +1,4 @@
-"""The two dictionaries that travel through the project: every key with its shape, unit and range, once.
+"""Types of the batch and prediction dictionaries: every key with its shape, unit and range.
 
 A `Batch` is what a data set yields after collation; a single item is the same without the batch axis.
 A `Prediction` is what every network returns.
@@ -33,7 +33,7 @@ class Batch(TypedDict):
 
 
 class Prediction(TypedDict):
-    """What a network says of an image."""
+    """The output of a network for a batch of images."""
 
     depth: Float[Tensor, "b 1 h w"]
     """Depth along the optical axis in mm, in (0, max_depth)."""
@@ -42,23 +42,23 @@ class Prediction(TypedDict):
 
 
 def normals_mask(batch: Batch) -> Bool[Tensor, "b 1 h w"]:
-    """True where normals are known: at most where depth is, less where none could be derived."""
+    """True where normals are known: a subset of `mask`, without pixels where none could be derived."""
     return batch["mask"] & (batch["normals"] != 0).any(dim=1, keepdim=True)
 
 
 def check_prediction(prediction: object, image: Tensor, network: str) -> None:
-    """Refuse what is no `Prediction` for images (b, 3, h, w): somebody's network may return anything.
+    """Refuse a network's output that is no `Prediction` for images (b, 3, h, w).
 
     Raises:
-        UserError: names the network, what it has to return and what came.
+        UserError: names the network, what it has to return and what it returned.
     """
     expected = {"depth": (len(image), 1, *image.shape[2:]), "normals": (len(image), 3, *image.shape[2:])}
     given = prediction if isinstance(prediction, Mapping) else {"depth": prediction}
-    came = {name: _size(given[name]) for name in expected if name in given}
-    wrong = [name for name in came if came[name] != str(expected[name])]
-    if isinstance(prediction, Mapping) and "depth" in came and not wrong:
+    sizes = {name: _size(given[name]) for name in expected if name in given}
+    wrong = [name for name in sizes if sizes[name] != str(expected[name])]
+    if isinstance(prediction, Mapping) and "depth" in sizes and not wrong:
         return
-    got = ", ".join(f"{name} {came[name]}" for name in wrong) or f"a dict of {sorted(map(str, given))}"
+    got = ", ".join(f"{name} {sizes[name]}" for name in wrong) or f"a dict of {sorted(map(str, given))}"
     got = got if isinstance(prediction, Mapping) else type(prediction).__name__
     raise UserError(
         f"model: {network} has to return a dict with depth {expected['depth']} for images {_size(image)}; "
@@ -67,10 +67,10 @@ def check_prediction(prediction: object, image: Tensor, network: str) -> None:
 
 
 def check_maps(preds: Tensor, target: Tensor, mask: Tensor) -> None:
-    """Refuse maps that broadcasting would combine into a wrong number.
+    """Refuse maps of different shapes, which broadcasting would combine into a wrong number.
 
     Raises:
-        ValueError: `target` has another shape than `preds`, or `mask` is not (b, 1, h, w) of them.
+        ValueError: `target` has another shape than `preds`, or `mask` is not (b, 1, h, w) of the same size.
     """
     if preds.ndim != 4 or preds.shape != target.shape:
         raise ValueError(

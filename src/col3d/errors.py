@@ -1,4 +1,4 @@
-"""Errors that name the argument, the rule and what came."""
+"""Exceptions, whose messages name the argument, the rule and the value, and helpers to raise them."""
 
 import difflib
 import errno
@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 DISK_FAULTS = (errno.EIO, errno.ESTALE, errno.ETIMEDOUT, errno.ENXIO)
-"""Numbers of errors that say nothing of the file that was read."""
+"""Error numbers that are faults of the disk or server and not of the file that was read."""
 
 
 class DataError(ValueError):
@@ -15,7 +15,7 @@ class DataError(ValueError):
 
 
 class DiskError(DataError):
-    """A file could not be read for the disk's or the server's sake, whatever is in it."""
+    """A file could not be read because of the disk or the server, whatever its content is."""
 
 
 class OptionError(ValueError):
@@ -23,11 +23,11 @@ class OptionError(ValueError):
 
 
 class UserError(Exception):
-    """Something that the caller has to change; the text is all there is to show."""
+    """An error that the user has to fix; programs print its message without a traceback."""
 
 
 class RunLockedError(UserError):
-    """Another process is at this run already."""
+    """Another process is training in the folder of this run."""
 
 
 class DivergedError(RuntimeError):
@@ -35,10 +35,10 @@ class DivergedError(RuntimeError):
 
 
 def check_disk(path: Path, error: Exception) -> None:
-    """Tell a disk that fails from a file that is broken.
+    """Raise `DiskError` if an error is a fault of the disk and not of the file.
 
     Raises:
-        DiskError: names the file, where it is the disk.
+        DiskError: names the file.
     """
     if isinstance(error, OSError) and error.errno in DISK_FAULTS:
         raise DiskError(f"{path}: cannot be read ({error.strerror})") from None
@@ -46,7 +46,7 @@ def check_disk(path: Path, error: Exception) -> None:
 
 @contextmanager
 def naming(path: Path) -> Iterator[None]:
-    """Let errors of the disk in the block name a file: a full one does not say of what.
+    """Let operating system errors in the block name a file: the error of a full disk names none.
 
     Raises:
         OSError: names `path`.
@@ -54,30 +54,30 @@ def naming(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if error.filename is None and error.errno is not None:  # else its text says it all
+        if error.filename is None and error.errno is not None:  # otherwise the message is complete
             error.filename = str(path)
         raise
 
 
-def and_beneath(error: BaseException) -> Iterator[BaseException]:
-    """An error and those that it was raised over, the newest first."""
-    found: BaseException | None = error
-    while found is not None:
-        yield found
-        found = found.__cause__ or found.__context__
+def error_chain(error: BaseException) -> Iterator[BaseException]:
+    """Yield an error and its chained causes and contexts, the newest first."""
+    current: BaseException | None = error
+    while current is not None:
+        yield current
+        current = current.__cause__ or current.__context__
 
 
 def nearest_name(name: str, known: Iterable[str]) -> str:
-    """A hint such as `; did you mean 'bts'?`, or nothing where no known name is close."""
+    """Return a hint such as `; did you mean 'bts'?`, or an empty string if no known name is close."""
     close = difflib.get_close_matches(name, list(known), n=1, cutoff=0.5)
     return f"; did you mean {close[0]!r}?" if close else ""
 
 
 def check_known(argument: str, name: str, known: Iterable[str]) -> str:
-    """Return `name` where it is one of `known`.
+    """Return `name` if it is one of `known`.
 
     Raises:
-        OptionError: names the argument, what came, the nearest valid name and all valid names.
+        OptionError: names the argument, the value, the nearest valid name and all valid names.
     """
     known = list(known)
     if name in known:

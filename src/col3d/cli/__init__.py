@@ -1,6 +1,6 @@
-"""The command `col3d`: its programs, their options by Hydra, and refusals in one line.
+"""Command-line interface `col3d`: its programs, options composed by Hydra, and one-line error messages.
 
-The only room that knows Hydra and OmegaConf; what the programs do lives elsewhere.
+The only package that imports Hydra and OmegaConf; what the programs do is implemented elsewhere.
 """
 
 from col3d.cli.main import main

@@ -1,4 +1,4 @@
-"""How a job calls itself again: Lightning starts further processes by the command line it finds."""
+"""The command line of a job, with which Lightning starts further processes of the same training."""
 
 import os
 import signal
@@ -16,16 +16,16 @@ from omegaconf import read_write
 from col3d.cli.paths import quoted_again
 
 PROCESSES = ("LOCAL_RANK", "NODE_RANK", "WORLD_SIZE", "MASTER_ADDR", "MASTER_PORT")
-"""What Lightning tells its other processes, and its own next Trainer."""
+"""Environment variables that Lightning sets for its other processes, and that its next Trainer would read."""
 POLL_SECONDS = 1.0
 
 
 class Again:
-    """The command of a program, as another process is to be started by.
+    """The command with which another process of the same program is started.
 
     Args:
-        argv: of this process, before anything of it was changed.
-        name: of the program; the word after the command, where argv[0] is not the program's own script.
+        argv: `sys.argv` of this process, before it was changed.
+        name: name of the program; added after the command unless argv[0] is the program's own script.
     """
 
     def __init__(self, argv: Sequence[str], name: str) -> None:
@@ -33,8 +33,11 @@ class Again:
         self.command = [str(script), *([] if script.name == f"{name}.py" else [name])]
 
     @contextmanager
-    def by_itself(self) -> Iterator[None]:
-        """Within this, a job looks as if it were called alone, whether it is one of a sweep or not."""
+    def as_single_job(self) -> Iterator[None]:
+        """Make `sys.argv` in the block the command of this job alone, even if it is a job of a sweep.
+
+        The environment variables in `PROCESSES` are restored after the block.
+        """
         hydra = HydraConfig.get()
         if str(hydra.launcher._target_).endswith(".JoblibLauncher"):
             threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
@@ -57,7 +60,7 @@ class Again:
 
 
 def _end_with(launcher: int) -> None:
-    """Ask a job to save and leave when the process that launched it is gone: joblib's workers outlive it."""
+    """Send SIGTERM to this job when the process that launched it is gone: joblib's workers outlive it."""
     while os.getppid() == launcher:
         time.sleep(POLL_SECONDS)
     os.kill(os.getpid(), signal.SIGTERM)

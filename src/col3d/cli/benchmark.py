@@ -1,4 +1,4 @@
-"""`col3d benchmark`: the jobs of experiments, run and reported."""
+"""`col3d benchmark`: run the jobs of experiments and report them."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""Choices of groups on the command line, checked before Hydra takes them in its own way."""
+"""Choices of configuration groups on the command line: checks, and conversion to Hydra's grammar."""
 
 import re
 
@@ -9,19 +9,19 @@ from col3d.cli.refusals import refuse
 from col3d.errors import nearest_name
 
 TAKE_A_WORD = ("--config-dir", "-cd", "--config-path", "-cp", "--config-name", "-cn", "--package", "-p")
-"""Hydra's own options after which a word follows."""
+"""Hydra's own flags that take an argument."""
 SEVERAL = ("protocol", "logger")
-"""Groups of which several may be chosen."""
+"""Groups in which several choices may be combined."""
 BEFORE = {f"logger.{option}": f"logger.wandb.{option}" for option in ("project", "offline")}
-"""What options were called while there was one logger alone."""
+"""Short names of options, and the options that they stand for."""
 OPEN = ("loss.terms.", "callbacks.more.", "metrics.")
 ENTRY = re.compile(r"callbacks\.more\.[^.=]+=(?!null$)[^{\[=]+")
-"""An entry by the name of its callback alone, whose options may be said, too."""
+"""An entry given only by the name of its callback; its options may follow."""
 MAY_BE_NULL = [(group, "null") for group in ("experiment", "variant", "data")]
 
 
 def check_choices(arguments: list[str]) -> None:
-    """Refuse a group that is given a list or nothing: Hydra would take the last of a list without a word."""
+    """Refuse a list or an empty value for a group: Hydra would silently take the last choice of a list."""
     for argument in _overrides(arguments):
         group, _, choice = argument.partition("=")
         if is_group(group) and re.match(r"[\[\d]|(null|none)?$", choice):
@@ -33,7 +33,7 @@ def check_choices(arguments: list[str]) -> None:
 
 
 def _overrides(arguments: list[str]) -> list[str]:
-    """All but the options that begin with a dash, and the words that belong to those."""
+    """Return the arguments without flags, which begin with a dash, and their values."""
     before = ["", *arguments]
     return [
         argument
@@ -43,16 +43,16 @@ def _overrides(arguments: list[str]) -> list[str]:
 
 
 def _is_of_trainer_alone(option: str) -> bool:
-    """Whether only Lightning has it, not the configuration: the program says why."""
+    """Whether the configuration lacks an option of `trainer`; the program explains why it is not taken."""
     group, _, name = option.partition(".")
     return group == "trainer" and bool(name) and name not in OmegaConf.load(CONF / "trainer" / "default.yaml")
 
 
 def as_groups(argument: str) -> list[str]:
-    """How Hydra wants said what its grammar has other words for: `data.test=simcol3d`, a term of a loss."""
+    """Convert an argument to Hydra's grammar, such as `data.test=simcol3d` or a term of a loss."""
     option, _, value = argument.partition("=")
     option = BEFORE.get(option, option)
-    if option.startswith(OPEN) or _is_of_trainer_alone(option):  # mappings that are open to more
+    if option.startswith(OPEN) or _is_of_trainer_alone(option):  # mappings that take new keys
         return [f"++{option}.callback={value}" if ENTRY.fullmatch(argument) else f"++{argument}"]
     names = value.strip("[]").split(",")
     if option == "data.split" and (CONF / "data/split" / f"{value}.yaml").is_file():

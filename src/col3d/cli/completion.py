@@ -1,4 +1,4 @@
-"""`col3d completion`: lines for a shell's start-up file, and the words that they ask for."""
+"""`col3d completion`: shell completion, with lines for a shell's start-up file and the candidate words."""
 
 import os
 from contextlib import suppress
@@ -19,7 +19,7 @@ Add the line that `col3d completion SHELL` prints to the start-up file of your s
 
 
 def run(name: str, words: list[str]) -> int | None:
-    """Print the line for a shell, or for the line that is being typed (`COMP_LINE`) what can stand next."""
+    """Print the start-up line for a shell, or completions of the line being typed (`COMP_LINE`)."""
     if words[:1] == ["words"]:
         for word in continuations(os.environ.get("COMP_LINE", "")):
             print(word)
@@ -29,7 +29,7 @@ def run(name: str, words: list[str]) -> int | None:
 
 
 def continuations(line: str) -> list[str]:
-    """What the last word of a command line can become.
+    """List completions of the last word of a command line.
 
     >>> continuations("col3d ev")
     ['evaluate ']
@@ -42,9 +42,9 @@ def continuations(line: str) -> list[str]:
 
 
 def _options(program: str, before: list[str], last: str) -> list[str]:
-    """Options of a program, or values of one that is chosen among several.
+    """List a program's options, or the choices of a group if the last word contains `=`.
 
-    A shell takes `=` for the end of a word: what comes back stands behind it.
+    A shell ends a word at `=`, so that choices are returned without the option.
     """
     from hydra.errors import HydraException
 
@@ -55,12 +55,12 @@ def _options(program: str, before: list[str], last: str) -> list[str]:
 
     if not (CONF / f"{program}.yaml").is_file():
         return []
-    with suppress(OptionError):  # a package that is not there offers nothing
+    with suppress(OptionError):  # a plugin that is not installed offers nothing
         load_plugins(before)
     offer_parts()
     group, equals, value = last.partition("=")
     if equals:
         return [f"{name} " for name in names_in(group) if name.startswith(value)]
-    with suppress(HydraException, UserError):  # what stands before is not whole yet
+    with suppress(HydraException, UserError):  # the words before are incomplete
         return [f"{name}=" for name in option_names(program, before) if name.startswith(last)]
     return []

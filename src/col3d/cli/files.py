@@ -1,4 +1,4 @@
-"""The groups of the configuration: files of this package and of plugins, and registered parts."""
+"""Choices in the configuration's groups: files of this package and of plugins, and registered parts."""
 
 from pathlib import Path
 
@@ -8,12 +8,12 @@ CONF = Path(__file__).parents[1] / "conf"
 
 
 def names_in(group: str) -> list[str]:
-    """What a group of options offers."""
+    """List the choices of a group."""
     folders = [CONF, *plugins.configurations()]
     files = {path.stem for folder in folders for path in (folder / group).glob("*.yaml")}
     return sorted({*files, *(GROUPS[group].names() if group in GROUPS else ())})
 
 
 def is_group(name: str) -> bool:
-    """Whether options of this name are chosen among several."""
+    """Whether a name is that of a group, whose value is a choice."""
     return bool(name) and (name in GROUPS or (CONF / name).is_dir() or bool(names_in(name)))

@@ -1,4 +1,4 @@
-"""`col3d list`, `col3d describe` and `col3d report`: programs that take plain words."""
+"""`col3d list`, `col3d describe` and `col3d report`: programs that take plain words instead of options."""
 
 from collections.abc import Sequence
 
@@ -8,7 +8,7 @@ from col3d.registry import KINDS, Registry, describe
 
 
 def list_parts(name: str, words: list[str]) -> int | None:
-    """Print the names of a kind of parts with their first sentences, or which kinds there are.
+    """Print the names and first sentences of the parts of a kind, or the kinds if none is given.
 
     Raises:
         OptionError: there is no such kind.
@@ -26,7 +26,7 @@ def list_parts(name: str, words: list[str]) -> int | None:
 
 
 def describe_part(name: str, words: list[str]) -> int | None:
-    """Print what a part is and what it can be told.
+    """Print a part's description and its options.
 
     Raises:
         OptionError: there is no such part.
@@ -47,7 +47,7 @@ def report(name: str, words: list[str]) -> int | None:
 
 
 def _registry(kind: str) -> Registry:
-    """By its name, in the singular or the plural."""
+    """Return the registry of a kind, named in the singular or the plural."""
     kinds = {_plural(name): registry for name, registry in KINDS.items()}
     known = {**kinds, **KINDS}
     if kind not in known:

@@ -1,4 +1,4 @@
-"""`col3d PROGRAM [OPTION=VALUE ...]`: which programs there are, and help on one screen."""
+"""Entry point `col3d PROGRAM [OPTION=VALUE ...]`: the list of programs, and their help."""
 
 import os
 import sys
@@ -15,18 +15,18 @@ HELP = ("--help", "-h", "help")
 
 @dataclass(frozen=True)
 class Program:
-    """What a word after `col3d` does.
+    """A program, which the first word after `col3d` names.
 
     Attributes:
-        summary: for the help.
-        place: `module:function` that runs it on the words that follow, imported when it is called.
+        summary: its line in the help.
+        place: `module:function` that runs it with the words that follow, imported when it is called.
     """
 
     summary: str
     place: str
 
     def __call__(self, name: str, words: list[str]) -> int | None:
-        """Run it; the exit code, where it is not 0."""
+        """Run the program; return its exit code, or None for 0."""
         module, _, function = self.place.partition(":")
         run: Callable[[str, list[str]], int | None] = getattr(import_module(module), function)
         return run(name, words)
@@ -63,15 +63,15 @@ col3d PROGRAM --help lists its options. A training on the rendered colon:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the program that the first word names, on the words that follow.
+    """Run the program that the first word names with the words that follow.
 
     Args:
-        arguments: those of the process when absent.
+        arguments: the command line; the one of this process when absent.
 
     Returns:
-        The exit code: 2 for bad input, which is said in one line for each fault.
+        The exit code: 2 for bad input, after one line for each fault.
     """
-    early.listen()  # before what takes seconds
+    early.listen()  # before imports that take seconds
     name, *words = [*(sys.argv[1:] if arguments is None else arguments)] or ["--help"]
     if name in HELP:
         print(usage())
@@ -83,7 +83,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         code = PROGRAMS[name](name, words) or 0
         sys.stdout.flush()
         return code
-    except BrokenPipeError:  # who reads has read enough: `col3d train --help | head`
+    except BrokenPipeError:  # the reader closed the pipe: `col3d train --help | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OptionError as error:
@@ -92,7 +92,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def usage() -> str:
-    """The help of all programs, on one screen."""
+    """Return the help of all programs, on one screen."""
     width = max(map(len, PROGRAMS))
     return USAGE.format(
         programs="\n".join(f"  {name:{width}}  {program.summary}" for name, program in PROGRAMS.items())

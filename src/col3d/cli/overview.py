@@ -1,4 +1,4 @@
-"""A look at a whole command before anything of it runs: what Hydra would build, and which jobs there are."""
+"""Checks of a whole command before any job runs: what Hydra would build, and the plan of a sweep."""
 
 import argparse
 import os
@@ -24,7 +24,7 @@ from col3d.runs import provenance
 from col3d.runs.overwriting import begin
 
 BUILT_BY = ("_target_", "()", "class")
-"""Keys whose value Hydra, or the configuration of logging, imports and calls."""
+"""Keys whose value Hydra, or the logging configuration, imports and calls."""
 SHORT = {
     "--help": ("-h",),
     "--shell-completion": ("-sc",),
@@ -35,7 +35,7 @@ SHORT = {
     "--config-path": ("-cp",),
     "--package": ("-p",),
 }
-"""Of Hydra's flags."""
+"""Short forms of Hydra's flags."""
 ALLOWED = (
     "hydra._internal.core_plugins.",
     "hydra.core.",
@@ -45,23 +45,24 @@ ALLOWED = (
     "colorlog.",
     "rich.logging.",
 )
+"""Prefixes of what the configuration may import and call."""
 
 
 def preflight(config_name: str, arguments: Sequence[str], command: Sequence[str]) -> Path | None:
-    """Refuse what must not be built, and write the jobs of a sweep into its folder for the ledger.
+    """Refuse targets that must not be built, and write the jobs of a sweep into its folder, as its plan.
 
-    What cannot be composed is left to Hydra's own run, which says why.
+    Errors of composition are left to Hydra's own run, which reports them.
 
     Args:
-        config_name: of the program.
+        config_name: name of the program's configuration.
         arguments: its command line, as Hydra takes it.
-        command: the words before it.
+        command: the words before the arguments.
 
     Returns:
-        The folder of a sweep that overwrites its runs; see `col3d.runs.overwriting`.
+        The folder of a sweep that overwrites its runs, else None; see `col3d.runs.overwriting`.
 
     Raises:
-        UserError: a file of the configuration, or the command line, asks for something else to be built.
+        UserError: the configuration or the command line names a target that may not be built.
     """
     flags, words = _flags(arguments)
     if flags.answers:
@@ -82,7 +83,7 @@ def preflight(config_name: str, arguments: Sequence[str], command: Sequence[str]
 
 
 def _flags(arguments: Sequence[str]) -> tuple[argparse.Namespace, list[str]]:
-    """Those of Hydra's own flags that matter here, and the overrides."""
+    """Parse Hydra's flags that matter here, and return them with the overrides."""
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     for flag in ("--help", "--hydra-help", "--version", "--shell-completion"):
         parser.add_argument(flag, *SHORT.get(flag, ()), dest="answers", action="store_true")
@@ -96,7 +97,7 @@ def _flags(arguments: Sequence[str]) -> tuple[argparse.Namespace, list[str]]:
 
 
 def check_targets(config: DictConfig) -> None:
-    """Refuse what must not be built.
+    """Refuse targets that may not be built.
 
     Raises:
         UserError: names the option.
@@ -121,7 +122,7 @@ def _targets(node: Any, place: str = "") -> Iterator[tuple[str, str]]:
 
 
 def _composed(config_name: str, folder: str | None, overrides: Sequence[Override]) -> DictConfig:
-    """The first job's configuration, Hydra's own part included."""
+    """Compose the first job's configuration, including Hydra's own part."""
     first = [_first(override) for override in overrides]
     more = [] if folder is None else [f"hydra.searchpath=[file://{Path(folder).absolute()}]"]
     with initialize_config_dir(str(CONF), version_base="1.3"):
@@ -129,14 +130,14 @@ def _composed(config_name: str, folder: str | None, overrides: Sequence[Override
 
 
 def _first(override: Override) -> str:
-    """An override, or the first choice of one that sweeps."""
+    """Return an override, or the first choice of one that sweeps."""
     if override.is_sweep_override() and override.is_discrete_sweep():
         return f"{override.get_key_element()}={next(iter(override.sweep_string_iterator()))}"
     return str(override.input_line)
 
 
 def _plan(hydra: DictConfig, overrides: Sequence[Override], command: str) -> list[str]:
-    """Write which folders the jobs of a sweep will have; a sweeper that chooses as it goes has no plan."""
+    """Write the folders of a sweep's jobs and return them; an adaptive sweeper has no such plan."""
     if not str(hydra.sweeper._target_).endswith(".BasicSweeper"):
         return []
     parser, naming = OverridesParser.create(), hydra.job.config.override_dirname
@@ -144,12 +145,12 @@ def _plan(hydra: DictConfig, overrides: Sequence[Override], command: str) -> lis
     jobs = {}
     with read_write(hydra):
         for job in jobs_of(hydra.sweeper.params or {}, given):
-            told = sorted(
+            named = sorted(
                 str(override.input_line)
                 for override in parser.parse_overrides(job)
                 if override.key_or_group not in naming.exclude_keys
             )
-            hydra.job.override_dirname = re.sub("=", naming.kv_sep, naming.item_sep.join(told))
+            hydra.job.override_dirname = re.sub("=", naming.kv_sep, naming.item_sep.join(named))
             jobs[str(hydra.sweep.subdir)] = job
     add_to_plan(Path(hydra.sweep.dir), jobs, command)
     return list(jobs)

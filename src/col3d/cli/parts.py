@@ -1,4 +1,4 @@
-"""Registered parts as choices of the configuration: `model=unet model.dropout=0.2` needs no file."""
+"""Hydra plugins that offer registered parts as choices: `model=unet model.dropout=0.2` needs no file."""
 
 from collections.abc import Iterable, Sequence
 from typing import ClassVar
@@ -18,20 +18,23 @@ from col3d.registry.annotations import is_group
 
 OPTION = "plugins="
 USUAL = {"task": "supervised"}
-"""Choices that a configuration has without being told."""
+"""Default choices of groups, which need no override."""
 
 
 class RegisteredParts(ConfigSource):
-    """Every registered part as a file of its group, made when it is asked for: names alone import little."""
+    """Configuration source that offers every registered part as a file of its group.
+
+    Files are made on request, so that listing the names imports little.
+    """
 
     @staticmethod
     def scheme() -> str:
-        """Of paths on Hydra's search path."""
+        """Return the scheme of this source's paths on Hydra's search path."""
         return "col3d"
 
     def load_config(self, config_path: str) -> ConfigResult:
-        """The options of a part with their defaults, and the groups that it brings along."""
-        group, part = self._found(config_path)
+        """Return the options of a part with their defaults, and its choices in other groups."""
+        group, part = self._part_at(config_path)
         assert part is not None
         content = own = GROUPS[group].node(part, group)
         chosen = {other: choice for other, choice in part.chooses.items() if USUAL.get(other) != choice}
@@ -46,50 +49,50 @@ class RegisteredParts(ConfigSource):
         return ConfigResult(part.package, self.full_path(), config, {"package": package})
 
     def available(self) -> bool:
-        """Always."""
+        """Return True: registered parts are always available."""
         return True
 
     def is_group(self, config_path: str) -> bool:
-        """Whether its choices are parts, or it is above such a group."""
+        """Whether a path is a group whose choices are parts, or the parent of such a group."""
         group = config_path.strip("/")
         return not group or any(f"{known}/".startswith(f"{group}/") for known in self.groups)
 
     def is_config(self, config_path: str) -> bool:
-        """Whether it is a part."""
-        return self._found(config_path)[1] is not None
+        """Whether a path names a part."""
+        return self._part_at(config_path)[1] is not None
 
     def list(self, config_path: str, results_filter: ObjectType | None) -> list[str]:
-        """Groups inside one, and names of parts."""
+        """List the groups inside a group, and the names of its parts."""
         group = config_path.strip("/")
-        found: list[str] = []
+        names: list[str] = []
         if results_filter is not ObjectType.CONFIG:
             inside = (known.removeprefix(group).strip("/") for known in self.groups if known != group)
-            found += [
+            names += [
                 name.partition("/")[0] for name in inside if not group or f"{group}/{name}" in self.groups
             ]
         if results_filter is not ObjectType.GROUP and group in self.groups:
-            # what help lists: `col3d list optimizers` takes seconds to know them all
-            found += GROUPS[group].names(everything=False)
-        return sorted(set(found))
+            # help lists these; the complete list, as in `col3d list optimizers`, takes seconds
+            names += GROUPS[group].names(everything=False)
+        return sorted(set(names))
 
     @property
     def groups(self) -> tuple[str, ...]:
-        """Those that the path names."""
+        """Groups that the path names."""
         return tuple(self.path.split(","))
 
-    def _found(self, config_path: str) -> tuple[str, Part | None]:
+    def _part_at(self, config_path: str) -> tuple[str, Part | None]:
         group, _, name = config_path.strip("/").removesuffix(".yaml").rpartition("/")
         return group, GROUPS[group].find(name) if group in self.groups else None
 
 
 class SearchPath(SearchPathPlugin):
-    """Lets a folder `conf` inside a plugin, and registered parts, join the groups of options."""
+    """Adds the folders `conf` of plugins, and registered parts, to Hydra's search path."""
 
     offered: ClassVar[list[str]] = [*DATASETS.groups]
-    """Groups of options that parts join."""
+    """Groups whose choices include registered parts."""
 
     def manipulate_search_path(self, search_path: ConfigSearchPath) -> None:
-        """Append them: files of this package go first, those of plugins before what signatures say."""
+        """Append them after the files of this package: plugins' files first, then registered parts."""
         for folder in plugins.configurations():
             search_path.append("col3d.plugins", f"file://{folder}")
         if self.offered:
@@ -97,15 +100,15 @@ class SearchPath(SearchPathPlugin):
 
 
 def offer_parts(groups: Iterable[str] = GROUPS) -> None:
-    """Make parts choices of these groups: a program knows no others, and need not import what they are."""
+    """Offer registered parts in these groups only, so that a program need not import the others."""
     SearchPath.offered = [*groups]
 
 
 def load_plugins(arguments: Sequence[str]) -> list[str]:
-    """Import what `plugins=[...]` on a command line names, and what the environment and packages do.
+    """Import plugins: those of `plugins=[...]` on a command line, of the environment, and installed ones.
 
     Returns:
-        The arguments, with that option in a form that programs take whose configuration does not have it.
+        The arguments, with that option in a form that Hydra accepts if the configuration lacks it.
 
     Raises:
         OptionError: there is no such package.
@@ -115,7 +118,7 @@ def load_plugins(arguments: Sequence[str]) -> list[str]:
         if argument.lstrip("+").startswith(OPTION):
             try:
                 value = OverridesParser.create().parse_override(argument).value()
-            except HydraException:  # said by Hydra's own run
+            except HydraException:  # reported by Hydra's own run
                 continue
             if not isinstance(value, str | list | int | float):
                 raise OptionError(f"plugins: write [mylab,theirs], got {argument.partition('=')[2]}")

@@ -1,4 +1,4 @@
-"""Paths and names on the command line reach a program as they are typed, whatever Hydra's grammar is."""
+"""Quoting of paths and names on the command line, so that Hydra's grammar leaves them as typed."""
 
 import re
 from collections.abc import Collection, Sequence
@@ -13,7 +13,7 @@ PATHS = re.compile(
 )
 NAMES = re.compile(rf"{DATA}split\.(train|val|test)|videos")
 NO_PATHS = {("predict", "video")}
-"""Programs in which an option that is a path in others is none."""
+"""(program, option) where an option that is a path in other programs is not one."""
 MAY_BE_NULL = (
     *("checkpoint", "init.checkpoint", "output_dir", "root", "prepare.out", "model.pretrained", "samples"),
     "camera",
@@ -26,16 +26,16 @@ SEARCHED = re.compile(r"(choice|range|interval|glob|shuffle|sort|tag)\(.*\)")
 
 
 def as_typed(arguments: list[str], config_name: str) -> list[str]:
-    """Arguments with quotes around paths and names that Hydra would else refuse, split, or take for numbers.
+    """Quote paths and names in arguments that Hydra would otherwise refuse, split, or read as numbers.
 
-    In a sweep a comma goes on to separate values.
+    In a sweep a comma still separates values.
     """
     sweep = any(word in arguments for word in SWEEPS)
     return [_as_typed(argument, config_name, sweep) for argument in arguments]
 
 
 def quoted_again(overrides: Sequence[str]) -> list[str]:
-    """Overrides of Hydra's sweeper, which has backslashes in names, in the quotes of a command line."""
+    """Convert overrides of Hydra's sweeper, which have backslashes in names, to quoted arguments."""
     return [_quoted_again(override) for override in overrides]
 
 
@@ -68,17 +68,17 @@ def _as_typed(argument: str, config_name: str, sweep: bool) -> str:
     return f"{option}={_quoted_if_needed(value)}"
 
 
-def _each_quoted(values: str, as_they_are: Collection[str] = ()) -> str:
-    return ",".join(entry if entry in as_they_are else _quoted_in_list(entry) for entry in separated(values))
+def _each_quoted(values: str, unquoted: Collection[str] = ()) -> str:
+    return ",".join(entry if entry in unquoted else _quoted_in_list(entry) for entry in separated(values))
 
 
 def _quoted_in_list(entry: str) -> str:
-    """A backslash would take the comma or bracket behind it along."""
+    """Quote an entry of a list if needed: a backslash would escape the comma or bracket after it."""
     return quoted(entry) if "\\" in entry and not _is_quoted(entry) else _quoted_if_needed(entry)
 
 
 def separated(values: str) -> list[str]:
-    """What commas separate, those inside of a quoted value aside.
+    """Split values at commas that are not inside quotes.
 
     >>> separated("001, it's, 'b, c'")
     ['001', "it's", "'b, c'"]
@@ -91,7 +91,7 @@ def separated(values: str) -> list[str]:
 
 
 def quoted(value: str) -> str:
-    """A value as Hydra reads it back; a backslash before a quote stands for the character after it."""
+    """Quote a value so that Hydra reads it back; in Hydra a backslash before a quote escapes it."""
     if not set(value) & set('"\\'):
         return f'"{value}"'
     inside = re.sub(r"(\\*)'", r"\1\1\\'", value)

@@ -1,4 +1,4 @@
-"""The Hydra side of every program: compose, refuse bad input in a line, hand plain values on."""
+"""Launcher of programs: compose options by Hydra, report bad input in a line, call the program."""
 
 import io
 import os
@@ -18,7 +18,7 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-import col3d.cli.resolvers  # noqa: F401  what ${...} can compute
+import col3d.cli.resolvers  # noqa: F401  registers resolvers
 from col3d.cli.again import Again
 from col3d.cli.choices import as_groups, check_choices
 from col3d.cli.files import CONF
@@ -37,9 +37,9 @@ BAD_INPUT = (DataError, OptionError, UserError, OSError)
 INTERRUPTED = 130
 PLUGINS = "plugins"
 TRAINS = ("train", "benchmark")
-"""Programs whose options have registered parts among them."""
+"""Programs whose options include all registered parts."""
 SCRATCH = "search"
-"""Values of a sweeper that others are computed from; no program takes them."""
+"""Group of values that a sweeper draws and others are computed from; no program takes it."""
 Run = Callable[[dict[str, Any]], Any]
 
 
@@ -49,14 +49,14 @@ def launch(config_name: str, run: Run, words: Sequence[str]) -> None:
     Bad input ends in one line for each fault and exit code 2; any other exception keeps its traceback.
 
     Args:
-        config_name: of the program.
-        run: plain options -> what a sweeper is told.
-        words: the command line behind the program's name.
+        config_name: name of the program's configuration.
+        run: function from plain options to the value that a sweeper optimises.
+        words: the command line after the program's name.
     """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")  # names of files need not be UTF-8
-    os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra hands exceptions on instead of printing them
+            stream.reconfigure(errors="backslashreplace")  # file names need not be UTF-8
+    os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra raises exceptions instead of printing them
     typed = as_typed(list(words), config_name)
     try:
         typed = load_plugins(typed)
@@ -65,14 +65,14 @@ def launch(config_name: str, run: Run, words: Sequence[str]) -> None:
     offer_parts(GROUPS if config_name in TRAINS else DATASETS.groups if _has_data(config_name) else ())
     again = Again(sys.argv, config_name)
     arguments = [text for argument in typed for text in as_groups(argument)]
-    sys.argv = [sys.argv[0], *arguments]  # which Hydra reads
+    sys.argv = [sys.argv[0], *arguments]  # Hydra reads it
     check_choices(arguments)
 
     def job(config: DictConfig) -> Any:
         try:
             given = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
             assert isinstance(given, dict)
-            with again.by_itself():
+            with again.as_single_job():
                 return run(_plain(given, config_name))
         except RunLockedError as error:
             if HydraConfig.get().mode == RunMode.MULTIRUN:
@@ -82,7 +82,7 @@ def launch(config_name: str, run: Run, words: Sequence[str]) -> None:
             folder = Path(HydraConfig.get().runtime.output_dir)
             if HydraConfig.get().mode == RunMode.MULTIRUN:
                 _note_failure(folder, explain(error, config_name))
-                raise  # the jobs that follow are to run
+                raise  # the sweep continues with its next jobs
             _drop_if_empty(folder)
             refuse(explain(error, config_name))
 
@@ -91,16 +91,16 @@ def launch(config_name: str, run: Run, words: Sequence[str]) -> None:
         hydra_main(version_base="1.3", config_path=str(CONF), config_name=config_name)(job)()
         if sweep is not None:
             end(sweep)
-    except BrokenPipeError:  # who reads has read enough
+    except BrokenPipeError:  # the reader closed the pipe
         raise
     except (HydraException, OmegaConfBaseException, *BAD_INPUT) as error:
         refuse(explain(error, config_name))
-    except KeyboardInterrupt:  # before a program of ours listens to it
+    except KeyboardInterrupt:  # before the program handles signals
         sys.exit(INTERRUPTED)
 
 
 def composed(program: str, overrides: Sequence[str] = ()) -> dict[str, Any]:
-    """The options of a program as plain values, as its command line gives them: for use from Python.
+    """Compose the options of a program as plain values, as its command line does: for use from Python.
 
     Args:
         program: such as "train".
@@ -127,24 +127,24 @@ def _has_data(config_name: str) -> bool:
 
 
 def _plain(content: dict[Any, Any], config_name: str) -> dict[str, Any]:
-    """A program's own options, with the plugins that are loaded where a run is to remember them."""
+    """Return a program's own options; for programs that train, with the names of the loaded plugins."""
     options = {str(key): value for key, value in content.items() if key not in (SCRATCH, PLUGINS)}
     return {**options, PLUGINS: plugins.load()} if config_name in TRAINS else options
 
 
 def _note_failure(folder: Path, reason: str) -> None:
-    """Say of a job of a sweep why it never began; one that began has said it itself."""
-    said, owned = read_plain(folder / STATUS), Owned(folder, TRAINING, "hydra.run.dir")
-    with suppress(UserError):  # a folder of others, which is why
+    """Write the reason why a job of a sweep failed before it began; one that began has written it itself."""
+    status, owned = read_plain(folder / STATUS), Owned(folder, TRAINING, "hydra.run.dir")
+    with suppress(UserError):  # the folder holds files of others, which is the reason
         owned.check([STATUS])
-        if not folder.is_dir() or said.get("state") == "failed":
+        if not folder.is_dir() or status.get("state") == "failed":
             return
         owned.claim(STATUS)
-        write_json(folder / STATUS, {**said, "state": "failed", "error": reason.splitlines()[-1]})
+        write_json(folder / STATUS, {**status, "state": "failed", "error": reason.splitlines()[-1]})
 
 
 def _drop_if_empty(folder: Path) -> None:
-    """Leave no folder behind for a job that never began."""
-    with suppress(OSError):  # it holds something, or may not be written to
+    """Remove the empty folder of a job that never began."""
+    with suppress(OSError):  # it is not empty, or not writable
         if folder != Path.cwd():
             folder.rmdir()

@@ -1,4 +1,4 @@
-"""The programs that take options: which function each hands its composed configuration to."""
+"""Programs that take options, and the function that each calls with its composed configuration."""
 
 from importlib import import_module
 from typing import Any
@@ -17,7 +17,7 @@ RUNS = {
     "verify": "col3d.data.checks.verify:verify",
     "benchmark": "col3d.cli.benchmark:benchmark",
 }
-"""Imported once the options are composed, so that help and refusals answer at once."""
+"""`module:function` by program; imported after composition, so that help and errors appear at once."""
 
 
 def run(name: str, words: list[str]) -> None:

@@ -1,4 +1,4 @@
-"""Bad input on the command line in one line each, with the nearest valid name."""
+"""Error messages for bad input on the command line: one line each, with the nearest valid name."""
 
 import re
 import shlex
@@ -19,34 +19,34 @@ from col3d.registry import GROUPS
 
 EXIT_CODE = 2
 MANY = 30
-"""Names that are not all said in a refusal."""
+"""Number of names above which an error message does not list them all."""
 
 
 def refuse(message: str) -> None:
-    """End the process."""
+    """Print an error and end the process."""
     print("\n".join(f"error: {line}" for line in message.splitlines()), file=sys.stderr)
     sys.exit(EXIT_CODE)
 
 
 def explain(error: Exception, config_name: str) -> str:
-    """Hydra's complaint about the command line as one line, with the nearest valid name."""
-    if isinstance(error, OSError) and not isinstance(error, HydraException):  # some of Hydra's are both
+    """Convert an exception to one line; for Hydra's errors, with the nearest valid name."""
+    if isinstance(error, OSError) and not isinstance(error, HydraException):  # some Hydra errors are both
         return f"{error.filename or _folder()}: {error.strerror}" if error.strerror else str(error)
     while isinstance(error, InterpolationResolutionError) and isinstance(error.__context__, Exception):
-        error = error.__context__  # what one of the resolvers says
+        error = error.__context__  # raised by a resolver
     if isinstance(error, OverrideParseException):
         return _unreadable(error.override)
     if isinstance(error, DataError | OptionError | UserError):
-        return str(error).rpartition("DataError: ")[2].strip()  # a loader's worker sends its traceback along
+        return str(error).rpartition("DataError: ")[2].strip()  # a loader's worker adds its traceback
     text = " ".join(f"{error} {error.__cause__ or ''}".split())
     for pattern, explanation in COMPLAINTS.items():
-        if found := re.search(pattern, text):
-            return explanation(found.group(1), config_name)
+        if match := re.search(pattern, text):
+            return explanation(match.group(1), config_name)
     return text
 
 
 def _folder() -> str:
-    """Where this run writes: what a full disk is said of by libraries that do not name the file."""
+    """Return the folder of this run, for errors (such as a full disk) that do not name a file."""
     known = HydraConfig.initialized() and not OmegaConf.is_missing(HydraConfig.get().runtime, "output_dir")
     return HydraConfig.get().runtime.output_dir if known else "a file"
 
@@ -97,7 +97,7 @@ COMPLAINTS: dict[str, Callable[[str, str], str]] = {
 
 
 def option_names(config_name: str, words: Sequence[str]) -> list[str]:
-    """Every option of the configuration with the groups that a command line chooses, dotted."""
+    """List the dotted names of all options, with the groups that a command line chooses."""
     chosen = [text for text in words if is_group(text.partition("=")[0]) and "," not in text]
     with initialize_config_dir(str(CONF), version_base="1.3"):
         config = OmegaConf.to_container(compose(config_name, chosen), resolve=False)

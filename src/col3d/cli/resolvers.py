@@ -1,4 +1,4 @@
-"""What `${...}` can compute inside the configuration."""
+"""OmegaConf resolvers: functions that `${...}` can call in the configuration."""
 
 import hashlib
 import re
@@ -13,11 +13,11 @@ from col3d.registry import DATASETS
 
 LONGEST_NAME = 100
 DRAWABLE = 4
-"""Parts of a phantom that can be drawn anew."""
+"""Number of a phantom's parts that can be randomised."""
 
 
 def slug(overrides: str) -> str:
-    """A folder's name for the overrides of a job: readable, and unique where it had to be shortened."""
+    """Make a folder name of a job's overrides: readable, with a hash where it was shortened or changed."""
     name = re.sub(r"[^A-Za-z0-9._]+", "-", overrides.replace(",", "_")).strip("-") or "default"
     digest = hashlib.sha1(overrides.encode()).hexdigest()[:8]
     exact = re.fullmatch(r"[A-Za-z0-9._=/,]*", overrides) and len(name) <= LONGEST_NAME
@@ -25,12 +25,12 @@ def slug(overrides: str) -> str:
 
 
 def by_preset(special: Mapping[str, Any], usual: Any, *, _root_: DictConfig) -> Any:
-    """A value that depends on the preset: `${by_preset:{paper:512,smoke:64},128}`."""
+    """Return a value that depends on the preset: `${by_preset:{paper:512,smoke:64},128}`."""
     return special.get(str(_root_.preset), usual)
 
 
 def size_of(preset: str | None, data: str) -> Any:
-    """The size of frames at a preset; where none is named, at the one that the data set is mostly for."""
+    """Return the frame size at a preset; if none is named, `laptop` for rendered data, else `paper`."""
     path = CONF / "preset" / f"{preset or ('laptop' if DATASETS[data].facts['rendered'] else 'paper')}.yaml"
     if not path.is_file():
         known = names_in("preset")
@@ -39,7 +39,7 @@ def size_of(preset: str | None, data: str) -> Any:
 
 
 def colons(*bounds: Any) -> list[str]:
-    """Names of a phantom's videos with their seeds, from a first number to a last, for each two bounds."""
+    """Names of a phantom's videos with their seeds, for each pair of a first and a last number."""
     from col3d.data.datasets.videos import seeded_videos
 
     pairs = list(zip(bounds[::2], bounds[1::2], strict=False))
@@ -53,14 +53,14 @@ def colons(*bounds: Any) -> list[str]:
 
 
 def without(kind: str, value: Any, part: str) -> list[str]:
-    """A part of the split that leaves a segment or a texture out: `${leave_out:segment,cecum,train}`."""
+    """Return a part of the split that leaves out a segment or texture: `${leave_out:segment,cecum,train}`."""
     from col3d.data.splits import leave_out
 
     return leave_out(kind, str(value))[part]
 
 
 def drawn(randomise: Any) -> str:
-    """What a phantom's folder is called after, by what its videos draw anew."""
+    """Return the suffix of a phantom's folder name for the parts that its videos randomise."""
     if not isinstance(randomise, bool | ListConfig):
         raise UserError(f"data.randomise: expected true, false or a list of parts, got {randomise!r}")
     if isinstance(randomise, bool):

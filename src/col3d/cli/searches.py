@@ -1,4 +1,4 @@
-"""Searches by optuna that go on: what is left of a study, and trials that were cut off."""
+"""Resumption of Optuna searches: trials that are left in a study, and trials that were interrupted."""
 
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ FILE = "sqlite:///"
 
 
 def simplex(u: float | int, v: float | int) -> list[float]:
-    """Three weights that add up to 1; a uniform point of the unit square gives every weighting alike.
+    """Map a point of the unit square to three weights that add up to 1; uniform points give uniform weights.
 
     >>> simplex(0.25, 0.5)
     [0.5, 0.25, 0.25]
@@ -23,23 +23,23 @@ def simplex(u: float | int, v: float | int) -> list[float]:
 
 
 def trials_left(total: int, storage: str, study: str) -> int:
-    """How many trials a study still needs to have so many complete ones."""
-    found = _study(storage, study)
-    return int(total) if found is None else max(0, int(total) - len(_trials(found, "COMPLETE")))
+    """Return how many trials a study lacks to have `total` complete ones."""
+    existing = _study(storage, study)
+    return int(total) if existing is None else max(0, int(total) - len(_trials(existing, "COMPLETE")))
 
 
 def trials_begun(storage: str, study: str) -> int:
-    """How many trials a study has, complete or not."""
-    found = _study(storage, study)
-    return 0 if found is None else len(found.get_trials(deepcopy=False))
+    """Return how many trials a study has, complete or not."""
+    existing = _study(storage, study)
+    return 0 if existing is None else len(existing.get_trials(deepcopy=False))
 
 
 def take_up(hydra: DictConfig) -> None:
-    """Let a search begin with the trials that were cut off: in their folders they go on from a checkpoint."""
+    """Enqueue the trials of a search that were interrupted; in their folders they go on from a checkpoint."""
     if not str(hydra.sweeper._target_).endswith(".OptunaSweeper") or hydra.sweeper.storage is None:
         return
     sweep = Path(hydra.sweep.dir)
-    sweep.mkdir(parents=True, exist_ok=True)  # where SQLite writes
+    sweep.mkdir(parents=True, exist_ok=True)  # SQLite writes here
     study = _study(str(hydra.sweeper.storage), str(hydra.sweeper.study_name))
     if study is None or any(job.state == "running" for job in read_sweep(sweep)):
         return
@@ -51,7 +51,7 @@ def take_up(hydra: DictConfig) -> None:
 
 
 def _study(storage: str, name: str) -> Any:
-    """The study, or None where none has begun."""
+    """Load the study, or return None if it has not begun."""
     if storage.startswith(FILE) and not Path(storage.removeprefix(FILE)).is_file():
         return None
     import optuna

@@ -1,4 +1,4 @@
-"""The jobs of a sweep."""
+"""Expansion of a sweep into the overrides of its jobs."""
 
 import itertools
 from collections.abc import Mapping, Sequence
@@ -16,7 +16,7 @@ SWEPT = "hydra.sweeper.params"
 
 
 def sweep_of(experiment: str, seeds: Sequence[int]) -> list[list[str]]:
-    """The jobs of an experiment that sweeps, each as overrides, with other seeds than its file's.
+    """Return the jobs of an experiment that sweeps, each as overrides, with the given seeds.
 
     Raises:
         UserError: there is no such experiment, or it sweeps over nothing.
@@ -35,14 +35,14 @@ def sweep_of(experiment: str, seeds: Sequence[int]) -> list[list[str]]:
 
 
 def jobs_of(params: Mapping[str, Any], given: Sequence[Override] = ()) -> list[list[str]]:
-    """The overrides of each job of Hydra's own sweeper, for its params and a command line."""
+    """Return the overrides of each job of Hydra's basic sweeper, for its params and a command line."""
     swept = OverridesParser.create().parse_overrides([f"{name}={value}" for name, value in params.items()])
     choices = {override.get_key_element(): _choices(override) for override in (*swept, *given)}
     return [list(job) for job in itertools.product(*choices.values())]
 
 
 def _choices(override: Override) -> list[str]:
-    """An override for each of the values that it sweeps over, or the one that it is."""
+    """Return an override for each value that an override sweeps over, or itself."""
     name = override.get_key_element()
     if not override.is_sweep_override():
         return [f"{name}={override.get_value_element_as_str()}"]
@@ -54,5 +54,5 @@ def _choices(override: Override) -> list[str]:
 
 
 def given_overrides(besides: str) -> list[str]:
-    """This program's overrides, but for those of one group of options."""
+    """Return this program's overrides, without those of one group of options."""
     return [text for text in HydraConfig.get().overrides.task if not text.lstrip("+~").startswith(besides)]

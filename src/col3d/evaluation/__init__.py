@@ -1,4 +1,4 @@
-"""From predictions to scores: one scorer for networks, checkpoints and files, and what it writes.
+"""Evaluation: scoring of predictions under protocols, and the files that it writes.
 
 Formulas of metrics are in `metrics`, tables over several runs in `reports`.
 """

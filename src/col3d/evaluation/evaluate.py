@@ -1,4 +1,4 @@
-"""Predict a part of a split once, and score the predictions under any number of protocols."""
+"""`col3d evaluate`: predict a part of a split once, and score it under any number of protocols."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -29,18 +29,18 @@ from col3d.signals import StopSignals, stoppable
 
 KIND = "evaluation"
 FILES = ("summary.json", "per_frame.csv", PAGE)
-"""What an evaluation writes, beside pictures and predictions."""
+"""Files that an evaluation writes, beside pictures and predictions."""
 
 
 def evaluate(given: Mapping[str, Any]) -> None:
-    """Rebuild network and data, and write the tables of one part of the split, for each protocol.
+    """Load network and data, and write the tables of one part of the split, for each protocol.
 
     Args:
         given: the composed configuration as plain values; see `EvaluateOptions`.
 
     Raises:
         UserError: an option or the checkpoint breaks a rule.
-        SystemExit: 130 or 143, when it is asked to stop; the same command begins again.
+        SystemExit: 130 or 143 after a stop signal; the same command begins again.
     """
     quiet()
     options = check_options(EvaluateOptions, given)
@@ -75,16 +75,16 @@ def _evaluate(options: EvaluateOptions, stop: StopSignals) -> None:
         setup.mean_depth,
         _writers(setup, options),
     )
-    stop.hold()  # for seconds, after which all files are there
-    for of_protocol in results.values():
-        _write(setup, options, of_protocol)
-    stop.asked = None  # a signal that came too late for anything to be lost by it
+    stop.hold()  # for the seconds in which the files are written
+    for result in results.values():
+        _write(setup, options, result)
+    stop.pending = None  # ignore a signal that came after the work was done
 
 
 def _check_truth(
     frames: Frames, name: str, protocol: ProtocolOptions, setup: EvaluationSetup, options: EvaluateOptions
 ) -> None:
-    """Refuse to score what nothing is known of, before anything is predicted."""
+    """Refuse frames without any valid depth in the protocol's range, before anything is predicted."""
     low, high = protocol.truth_range
     if not has_truth(frames, [low, high]):
         raise UserError(
@@ -104,35 +104,35 @@ def _results(setup: EvaluationSetup, options: EvaluateOptions, name: str, frames
 
 
 def _writers(setup: EvaluationSetup, options: EvaluateOptions) -> dict[Mirror, PredictionWriter]:
-    """What keeps predictions, where they are asked for: for each way of mirroring."""
+    """Make a writer of predictions for each way of mirroring; none unless they are requested."""
     if not options.predictions:
         return {}
-    found: dict[Mirror, PredictionWriter] = {}
+    writers: dict[Mirror, PredictionWriter] = {}
     for mirror in dict.fromkeys(protocol.mirror for protocol in options.protocol.values()):
         folder = _run(options) / _name("predictions", options, mirror)
         owned_predictions(folder).check_place()
         facts = {"max_depth": setup.max_depth, "split": options.split, "mirror": mirror}
-        found[mirror] = PredictionWriter(folder, facts)
-    return found
+        writers[mirror] = PredictionWriter(folder, facts)
+    return writers
 
 
 def _write(setup: EvaluationSetup, options: EvaluateOptions, results: Results) -> None:
-    """The files of one protocol."""
+    """Write the files of one protocol."""
     folder, checkpoint = results.folder, Path(options.checkpoint)
     Owned(folder, KIND, "output_dir").claim(*FILES)
     results.table.save()
     summary = results.write(setup.network, checkpoint, {})
     decorations = Decorations("the result stands; the same command makes it again")
-    with decorations.one("panels"):
+    with decorations.attempt("panels"):
         results.panels.clear()
         results.panels.draw()
-    with decorations.one(PAGE):
+    with decorations.attempt(PAGE):
         write_run_page(folder)
     results.show(summary, checkpoint)
 
 
 def _folder(options: EvaluateOptions, protocol: str) -> Path:
-    """Where the tables of a protocol go."""
+    """Return the folder for the tables of a protocol."""
     if options.output_dir is None:
         return _run(options) / _name("evaluation", options, None if protocol == "standard" else protocol)
     folder = Path(options.output_dir)
@@ -140,7 +140,7 @@ def _folder(options: EvaluateOptions, protocol: str) -> Path:
 
 
 def _run(options: EvaluateOptions) -> Path:
-    """The folder of the run that the checkpoint belongs to."""
+    """Return the folder of the run that the checkpoint belongs to."""
     if options.checkpoint == SHIPPED:
         return Path("runs") / SHIPPED
     folder = Path(options.checkpoint).parent
@@ -148,8 +148,8 @@ def _run(options: EvaluateOptions) -> Path:
 
 
 def _name(kind: str, options: EvaluateOptions, variant: str | None) -> str:
-    """A folder's name: what it holds, whose weights, which part, and the protocol or mirroring."""
+    """Make a folder's name of its kind, the weights, other data, the part, and the protocol or mirroring."""
     stem = Path(options.checkpoint).stem
-    whose = f"{options.published}_{stem}" if options.published else None if stem == "best" else stem
+    weights = f"{options.published}_{stem}" if options.published else None if stem == "best" else stem
     other = options.data and f"{options.data.name}_{options.data.split.name}"
-    return "_".join(part for part in (kind, whose, other, options.split, variant) if part)
+    return "_".join(part for part in (kind, weights, other, options.split, variant) if part)

@@ -1,4 +1,4 @@
-"""Predictions averaged with those of the mirrored frames."""
+"""Test-time augmentation: predictions averaged with those of the mirrored frames."""
 
 from collections.abc import Callable
 
@@ -11,15 +11,15 @@ from col3d.geometry import unit
 
 
 def mirror_average(predict: Callable[[Batch], Prediction], batch: Batch, ramp: bool = False) -> Prediction:
-    """The mean of what is predicted for a batch and, mirrored back, for its mirror image.
+    """Average the prediction for a batch and, mirrored back, that for its mirror image.
 
-    Depth is averaged in mm; normals are, too, and brought back to unit length.
+    Depth is averaged in mm; normals are averaged and normalised to unit length.
 
     Args:
         predict: batch -> prediction.
         batch: frames with their rays.
-        ramp: at the left border take the mirrored prediction alone, at the right border the direct one, and
-            come to the mean between 5 and 10 % of the width, as published programs do.
+        ramp: use the mirrored prediction alone at the left border and the direct one at the right border,
+            changing to the mean between 5 and 10 % of the width, as published programs do.
 
     References:
         Godard, Mac Aodha, Brostow: Unsupervised Monocular Depth Estimation with Left-Right Consistency, CVPR
@@ -35,7 +35,7 @@ def mirror_average(predict: Callable[[Batch], Prediction], batch: Batch, ramp: b
 
 
 def direct_share(width: int, ramp: bool) -> Float[Tensor, " w"]:
-    """What share of the mean is the direct prediction's, column by column."""
+    """Return the weight of the direct prediction in the mean, for each column."""
     if not ramp:
         return torch.full((width,), 0.5)
     from_left = torch.linspace(0, 1, width)
@@ -44,5 +44,5 @@ def direct_share(width: int, ramp: bool) -> Float[Tensor, " w"]:
 
 
 def mirror_vectors(vectors: Float[Tensor, "b 3 h w"]) -> Float[Tensor, "b 3 h w"]:
-    """A map of vectors as the mirrored scene has it: left and right exchanged, x with its other sign."""
+    """Mirror a map of vectors: exchange left and right, and negate x."""
     return vectors.flip(-1) * vectors.new_tensor([-1.0, 1.0, 1.0])[:, None, None]

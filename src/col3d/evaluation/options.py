@@ -27,7 +27,7 @@ class ProtocolOptions(Options):
 
     @property
     def has_own_truth(self) -> bool:
-        """Whether predictions are held against something else than the frames they are made from."""
+        """Whether predictions are compared with other frames than those they are made from."""
         return self.resolution == "native" or self.truth == "mixed"
 
     @model_validator(mode="after")
@@ -40,7 +40,7 @@ class ProtocolOptions(Options):
 
 
 def build_protocol(name: str, options: ProtocolOptions, metrics: MetricOptions) -> Protocol:
-    """What predictions are scored by; `metrics` are options of metrics, by their names."""
+    """Build the protocol of its options; `metrics` are options of metrics by name."""
     low, high = options.truth_range
     return Protocol(
         name, options.scaling, (low, high), options.cosine_epsilon, options.normal_axes, metrics=metrics
@@ -48,7 +48,7 @@ def build_protocol(name: str, options: ProtocolOptions, metrics: MetricOptions) 
 
 
 Protocols = Annotated[dict[str, ProtocolOptions], Field(min_length=1)]
-"""By name: `protocol=standard`, or `protocol=[standard,published]` where several can be."""
+"""Options of protocols by name: `protocol=standard`, or `protocol=[standard,published]` for several."""
 
 
 class EvaluateOptions(Options):

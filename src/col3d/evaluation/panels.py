@@ -1,4 +1,4 @@
-"""Pictures of a few scored frames, and their points for the page of a run."""
+"""Pictures of a few scored frames, and their 3D points for the page of a run."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,15 +15,15 @@ from col3d.reports.scenes import save_frame
 
 
 class ImagePanels:
-    """Keeps frames spread evenly over those that are scored, and draws them and their points when asked.
+    """Keeps frames spread evenly over the scored ones, and draws them and their points on request.
 
     Args:
-        folder: of the run or evaluation; they go into `panels` in it.
-        kind: of what is written there; see `Owned`.
-        count: how many.
+        folder: folder of the run or evaluation; pictures go into its folder `panels`.
+        kind: kind of the output; see `Owned`.
+        count: number of frames to keep.
 
     Attributes:
-        paths: of the pictures that are drawn.
+        paths: paths of the drawn pictures.
     """
 
     def __init__(self, folder: Path, kind: str, count: int) -> None:
@@ -32,24 +32,24 @@ class ImagePanels:
         self.choose(0)
 
     def choose(self, frames: int, rank: int = 0, world_size: int = 1) -> None:
-        """Choose frames of so many; this process sees every `world_size`-th, from `rank` on."""
+        """Choose which of so many frames to keep; this process sees every `world_size`-th, from `rank` on."""
         self.paths, self.seen, self.kept = [], 0, list[_Kept]()
         self.rank, self.world_size = rank, world_size
         self.chosen = set(np.linspace(0, frames - 1, min(self.count, frames)).round().astype(int).tolist())
 
     def keep(self, batch: Batch, prediction: Prediction, values: Mapping[str, Tensor]) -> None:
-        """Keep the chosen frames of a batch, which follows those seen before."""
+        """Keep the chosen frames of the next batch."""
         for i in range(len(batch["video"])):
             if (self.seen + i) * self.world_size + self.rank in self.chosen:
                 self.kept.append(tuple(_one(given, i) for given in (batch, prediction, values)))
         self.seen += len(batch["video"])
 
     def clear(self) -> None:
-        """Remove the pictures of before."""
+        """Remove pictures of an earlier scoring."""
         Owned(self.folder, self.kind, "panels").remove(below="panels/")
 
     def draw(self) -> None:
-        """Draw what is kept.
+        """Draw the kept frames.
 
         Raises:
             UserError: a file of others has the name of a picture.
@@ -71,7 +71,7 @@ _Kept = tuple[Any, ...]
 
 
 def _one(given: Mapping[str, Any], index: int) -> dict[str, Any]:
-    """A frame of a batch as a batch of one, in the memory of the CPU."""
+    """Return a frame of a batch as a batch of one, on the CPU."""
     own = {key: values[index : index + 1] for key, values in given.items()}
     return {
         key: values.detach().cpu() if isinstance(values, Tensor) else values for key, values in own.items()
@@ -89,7 +89,7 @@ def _title(batch: Batch, values: Mapping[str, Tensor]) -> str:
 
 
 def _save_points(path: Path, batch: Batch, prediction: Prediction, index: int) -> None:
-    """Keep the points of the pixels that count."""
+    """Save the true and predicted points of the pixels in the mask, with their colours."""
     mask, rays = batch["mask"][index, 0], batch["rays"][index : index + 1]
     truth, guess = (
         points_from_depth(depth[index : index + 1].float(), rays)[0][:, mask].T.cpu().numpy()

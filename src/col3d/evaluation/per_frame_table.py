@@ -1,4 +1,4 @@
-"""The metrics of every scored frame, and `per_frame.csv` that holds them."""
+"""Table of the metrics of every scored frame, written to `per_frame.csv`."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -15,12 +15,12 @@ Row = dict[str, str | int | float]
 
 
 class PerFrameTable:
-    """One row a frame.
+    """Table with one row for each frame.
 
     Args:
-        path: where the table goes.
+        path: path of the file.
         facts: columns that are the same for all rows: model, seed, data, split, protocol.
-        describe: video -> (segment, texture).
+        describe: function video -> (segment, texture).
     """
 
     def __init__(
@@ -32,10 +32,10 @@ class PerFrameTable:
         self.baseline: list[Row] = []
 
     def add(self, batch: Batch, scored: Mapping[str, Tensor], scored_baseline: Mapping[str, Tensor]) -> None:
-        """Add the frames of a batch by the metrics of each, and those of the baseline."""
+        """Add the frames of a batch, with their metrics and those of the baseline."""
         values, baseline = (
-            {name: of_frames.tolist() for name, of_frames in of_batch.items()}
-            for of_batch in (scored, scored_baseline)
+            {name: per_frame.tolist() for name, per_frame in metrics.items()}
+            for metrics in (scored, scored_baseline)
         )
         pixels = scored.get("pixels", batch["mask"].flatten(1).sum(dim=1))
         uncounted = {
@@ -45,17 +45,17 @@ class PerFrameTable:
         for i, (video, frame) in enumerate(zip(batch["video"], batch["frame"].tolist(), strict=True)):
             segment, texture = self.describe(video)
             where = {**self.facts, "video": video, "segment": segment, "texture": texture, "frame": frame}
-            without = {task for task, of_frames in uncounted.items() if of_frames[i]}
+            without = {task for task, flags in uncounted.items() if flags[i]}
             count = {PIXELS: values[PIXELS][i]} if PIXELS in values else {}
             self.rows.append({**where, **self._measured(values, i, without), **count})
             self.baseline.append({**where, **self._measured(baseline, i, without), **count})
 
     def _measured(self, values: Mapping[str, list[float]], index: int, without: set[str]) -> Row:
-        """Metrics of one frame, but for those that it has no value of."""
-        found = {name: values[name][index] for name in self.specs if name in values}
+        """Select the metrics of one frame, without those that it has no value of."""
+        measured = {name: values[name][index] for name in self.specs if name in values}
         return {
             name: value
-            for name, value in found.items()
+            for name, value in measured.items()
             if not (math.isnan(value) and (self.specs[name].undefined or self.specs[name].task in without))
         }
 
@@ -67,7 +67,7 @@ class PerFrameTable:
             rows.sort(key=lambda row: (row["video"], row["frame"]))
 
     def save(self) -> None:
-        """Write the table as it is."""
+        """Write the table."""
         self.path.parent.mkdir(parents=True, exist_ok=True)
         write_per_frame(self.path, self.rows, self.specs)
 

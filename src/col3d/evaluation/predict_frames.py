@@ -1,4 +1,4 @@
-"""What a network predicts of the frames of a data set, batch by batch, in float32."""
+"""Prediction of the frames of a data set, batch by batch, in float32."""
 
 from collections.abc import Iterable, Iterator, Mapping
 
@@ -11,29 +11,29 @@ from col3d.evaluation.mirror import mirror_average
 from col3d.io.predictions import PredictionWriter
 
 Mirror = str | None
-"""How a prediction is averaged with that of the mirrored frame: "mean", "ramp", or not at all."""
+"""How a prediction is averaged with that of the mirrored frame: "mean", "ramp", or None for not at all."""
 
 
 def predict_frames(
     network: nn.Module, batches: Iterable[Batch], mirrors: Iterable[Mirror] = (None,)
 ) -> Iterator[tuple[Batch, Mapping[Mirror, Prediction]]]:
-    """Each batch with the network's prediction for it, under every way of mirroring.
+    """Yield each batch with the network's predictions, by way of mirroring.
 
     Args:
-        network: in evaluation mode, on the device of the batches.
-        batches: of frames with their rays.
-        mirrors: the ways.
+        network: network in evaluation mode, on the device of the batches.
+        batches: batches of frames with their rays.
+        mirrors: ways of mirroring.
 
     Raises:
-        ValueError: a prediction is not what a network has to return.
+        UserError: a prediction is not what a network has to return.
         DivergedError: a prediction is not finite; names the frame.
     """
     mirrors = tuple(dict.fromkeys(mirrors))
 
     def predict(batch: Batch) -> Prediction:
-        found: Prediction = network(batch["image"], batch["rays"])
-        check_prediction(found, batch["image"], type(network).__name__)
-        return known_maps(found)
+        prediction: Prediction = network(batch["image"], batch["rays"])
+        check_prediction(prediction, batch["image"], type(network).__name__)
+        return known_maps(prediction)
 
     for batch in batches:
         with torch.inference_mode():
@@ -59,15 +59,15 @@ def _check_finite(prediction: Prediction, batch: Batch) -> None:
 
 
 def known_maps(prediction: Prediction) -> Prediction:
-    """What metrics, pictures and files know of a prediction; networks may return more for losses."""
-    found: Prediction = {"depth": prediction["depth"]}
+    """Select depth and normals of a prediction; networks may return more for losses."""
+    maps: Prediction = {"depth": prediction["depth"]}
     if "normals" in prediction:
-        found["normals"] = prediction["normals"]
-    return found
+        maps["normals"] = prediction["normals"]
+    return maps
 
 
 def write_batch(writer: PredictionWriter, batch: Batch, prediction: Prediction) -> None:
-    """Add the frames of a batch to predictions on disk."""
+    """Add the predictions for a batch to those on disk."""
     maps = {
         name: values.movedim(1, -1).float().cpu().numpy()  # type: ignore[attr-defined]
         for name, values in prediction.items()

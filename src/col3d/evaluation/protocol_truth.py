@@ -20,12 +20,13 @@ def own_truths(
     part: str,
     size: Sequence[int],
 ) -> dict[str, Frames | None]:
-    """The frames that a protocol has for itself: of their own resolution, or resized as published.
+    """Return the frames of protocols with their own ground truth: at native resolution, or as published.
 
-    Those of full resolution are looked for once, and only where a protocol wants them.
+    Protocols that score against the batches themselves have None. Frames of full resolution are opened once,
+    and only if a protocol needs them.
 
     Raises:
-        DataError: a video is missing, or a file is not what it should be.
+        DataError: a video is missing, or a file is invalid.
     """
     own = {name for name, options in protocols.items() if options.has_own_truth}
     if not own:
@@ -39,7 +40,7 @@ def own_truths(
 
 
 def one_by_one(frames: Frames | None, workers: int, device: torch.device) -> Iterator[Batch] | None:
-    """Those of this process in batches of one, in the order that predictions are made in."""
+    """Yield the frames of this process in batches of one, in the order of the predictions."""
     if frames is None:
         return None
     return FrameDataModule({"test": frames}, 1, workers).frames_in_order("test", device)

@@ -1,4 +1,4 @@
-"""What an evaluation leaves behind: per_frame.csv, summary.json, panels, and the table on screen."""
+"""Results of an evaluation: per_frame.csv, summary.json, panels, and the table on screen."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -25,7 +25,7 @@ SUMMARY = "summary.json"
 
 
 def facts_of(model: str, seed: int, scored: Scored, protocol: str) -> Facts:
-    """The columns that stand in every row of a table."""
+    """Return the columns that are the same in every row of a table."""
     return {
         "model": model,
         "seed": seed,
@@ -36,24 +36,24 @@ def facts_of(model: str, seed: int, scored: Scored, protocol: str) -> Facts:
 
 
 def look_of(model: str) -> dict[str, str]:
-    """How reports call a network and draw it, as far as its registration says."""
+    """Return the label and colour of a network in reports, as far as it is registered with them."""
     part = MODELS.parts.get(model)
-    said = {name: str(part.facts.get(name, "")) for name in ("label", "colour")} if part else {}
-    return {name: value for name, value in said.items() if value}
+    look = {name: str(part.facts.get(name, "")) for name in ("label", "colour")} if part else {}
+    return {name: value for name, value in look.items() if value}
 
 
 class Results:
-    """What collects the results of one evaluation, and the files they end in.
+    """Collects the results of one evaluation, and writes its files.
 
     Args:
-        facts: what is the same for every frame; see `facts_of`.
-        folder: where the files go.
-        kind: of what is written there; see `Owned`.
+        facts: columns that are the same for every frame; see `facts_of`.
+        folder: folder for the files.
+        kind: kind of the output; see `Owned`.
         scored: the part of a split that is scored.
         frames: number of frames of each part.
-        panels: how many pictures.
-        average: what weighs the same in the means: frame, video or pixel.
-        changed: what changed between the starts of the training, in lines.
+        panels: number of pictures.
+        average: unit with equal weight in the means: frame, video or pixel.
+        changed: lines about what changed between the starts of the training.
     """
 
     def __init__(
@@ -85,7 +85,7 @@ class Results:
         best: Mapping[str, float],
         loggers: Sequence[Logger] = (),
     ) -> dict[str, Any]:
-        """Write summary.json and the last row of the loggers' tables; the summary.
+        """Write summary.json and the last row of the loggers' tables, and return the summary.
 
         Raises:
             UserError: no frame has a pixel of valid depth under the protocol.
@@ -108,7 +108,7 @@ class Results:
         return summary
 
     def log(self, logger: Logger, summary: Mapping[str, Any]) -> None:
-        """Hand the scores to a logger."""
+        """Pass scores and pictures to a logger."""
         scores = {f"test/{name}": value for name, value in summary["metrics"].items()}
         best = summary["best"]
         logger.log_metrics({**scores, **({"epoch": best["epoch"]} if "epoch" in best else {})})
@@ -116,7 +116,7 @@ class Results:
         _show_pictures(logger, self.panels.paths)
 
     def show(self, summary: Mapping[str, Any], checkpoint: Path) -> None:
-        """Print the table, and the paths."""
+        """Print the table and the paths of the files."""
         print_summary(summary)
         wrote = [
             self.folder / name for name in (PAGE, SUMMARY, "per_frame.csv", "metrics.csv", "config.yaml")
@@ -126,7 +126,7 @@ class Results:
 
 
 def _show_pictures(logger: Logger, paths: Sequence[Path]) -> None:
-    """Hand pictures to a logger that takes them."""
+    """Pass pictures to a logger that accepts them."""
     if isinstance(logger, WandbLogger) and paths:
         logger.log_image("panels", [str(path) for path in paths])
     for path in paths:

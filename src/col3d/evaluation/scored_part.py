@@ -1,4 +1,4 @@
-"""What is scored, and what of it the network has been trained on."""
+"""The part of a split that is scored, and the audit of what it shares with the training data."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,8 +14,8 @@ class Scored:
     Attributes:
         source: the data set.
         part: train, val or test.
-        size: of the frames.
-        trained: all data sets that were trained on.
+        size: size of the frames.
+        trained: all data sets of the training.
     """
 
     source: SourceOptions
@@ -25,18 +25,18 @@ class Scored:
 
     @classmethod
     def after(cls, data: DataOptions, part: str) -> "Scored":
-        """A part after a training on these data."""
+        """Make the description of a part that is scored after a training on these data."""
         source = data.tested if part == "test" else data
         return cls(source, part, data.size, (data, *data.also.values()))
 
     @property
     def shared(self) -> list[Shared]:
-        """For every video, what it shares with those that were trained on; nothing of another data set."""
+        """What each scored video shares with the training videos; empty for another data set."""
         entries = [entry for source in self._alike for entry in source.split.train]
         return shared_with_training(entries, getattr(self.source.split, self.part)) if entries else []
 
     def print_audit(self) -> None:
-        """Print what the scored part shares with the training videos."""
+        """Print the train/test leakage audit: what the scored part shares with the training videos."""
         if not self._alike:
             trained = " and ".join(source.name for source in self.trained)
             print(f"{self.part} is of {self.source.name}, of which nothing was trained on ({trained} was)")
@@ -53,5 +53,5 @@ class Scored:
 
     @property
     def _alike(self) -> list[SourceOptions]:
-        """What was trained on of the same data set."""
+        """Training data of the same data set."""
         return [source for source in self.trained if source.name == self.source.name]

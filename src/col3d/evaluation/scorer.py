@@ -1,4 +1,4 @@
-"""The one scorer: predictions of frames become rows, under any number of protocols at once."""
+"""Scorer: turns predictions of frames into rows, under any number of protocols at once."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
@@ -25,12 +25,12 @@ class Scoring:
     """One protocol, and where its scores go.
 
     Attributes:
-        protocol: by which is scored.
-        table: of the rows.
-        panels: that keep frames, or None.
-        mirror: which of the predictions is scored.
-        truth: frame by frame in the order of the predictions, where the protocol holds them against something
-            else than the batch that they were made from.
+        protocol: protocol of the scores.
+        table: table that receives the rows.
+        panels: panels that keep frames, or None.
+        mirror: way of mirroring whose predictions are scored.
+        truth: batches of one frame in the order of the predictions, if the protocol compares with other
+            frames than the batch that they were made from; else None.
     """
 
     protocol: Protocol
@@ -40,15 +40,15 @@ class Scoring:
     truth: Iterator[Batch] | None = None
 
     def add(self, batch: Batch, prediction: Prediction, mean_depth: Tensor | None) -> None:
-        """Score a batch, and the mean training depth beside it."""
+        """Score a batch, and the mean training depth as a baseline."""
         if self.truth is None:
             self._add(batch, prediction, mean_depth)
             return
         for index in range(len(batch["video"])):
             one: Prediction = {name: values[index : index + 1] for name, values in prediction.items()}  # type: ignore[assignment,index]
             truth = next(self.truth)
-            where = (batch["video"][index], int(batch["frame"][index]))
-            assert where == (truth["video"][0], int(truth["frame"][0])), (where, truth["video"])
+            scored = (batch["video"][index], int(batch["frame"][index]))
+            assert scored == (truth["video"][0], int(truth["frame"][0])), (scored, truth["video"])
             self._add(truth, one, mean_depth)
 
     def _add(self, batch: Batch, prediction: Prediction, mean_depth: Tensor | None) -> None:
@@ -69,15 +69,15 @@ def scorings_of(
     workers: int,
     device: torch.device,
 ) -> list[Scoring]:
-    """A scoring for each protocol, into its results.
+    """Make a scoring for each protocol.
 
     Args:
-        protocols: by name.
-        metrics: options of metrics, by their names.
-        results: where the rows of each protocol go.
-        truths: see `own_truths`.
-        workers: processes that read these.
-        device: to compute on.
+        protocols: options of protocols by name.
+        metrics: options of metrics by name.
+        results: results of each protocol, which receive the rows.
+        truths: frames of protocols with their own ground truth; see `own_truths`.
+        workers: number of processes that read these frames.
+        device: device to compute on.
     """
     return [
         Scoring(
@@ -100,16 +100,16 @@ def score_network(
     writers: Mapping[Mirror, PredictionWriter] | None = None,
     limit: int | float | None = None,
 ) -> None:
-    """Score what a network predicts of the test frames, each process of a training its own part.
+    """Predict and score the test frames; each process of a training does its own share.
 
     Args:
-        network: in evaluation mode.
-        frames: whose part `test` is scored.
-        device: to compute on.
+        network: network in evaluation mode.
+        frames: frames whose part `test` is scored.
+        device: device to compute on.
         scorings: the protocols.
-        mean_depth: of the training frames in mm, scored beside as a baseline.
-        writers: of predictions, by how they are mirrored.
-        limit: of batches; see `FrameDataModule.frames_in_order`.
+        mean_depth: mean depth of the training frames in mm, scored as a baseline.
+        writers: writers of predictions by way of mirroring.
+        limit: limit of batches; see `FrameDataModule.frames_in_order`.
     """
     mirrors = [*(scoring.mirror for scoring in scorings), *(writers or {})]
     batches = frames.frames_in_order("test", device, limit)
@@ -122,18 +122,18 @@ def score(
     mean_depth: Tensor | None = None,
     writers: Mapping[Mirror, PredictionWriter] | None = None,
 ) -> None:
-    """Turn predictions into rows, and into files where there are writers; gathers those of all processes.
+    """Score predictions, and write them if there are writers; gather the rows of all processes.
 
     Args:
-        predicted: batches with what was predicted for them, by how it was mirrored.
+        predicted: batches with their predictions by way of mirroring.
         scorings: the protocols.
-        mean_depth: of the training frames in mm, scored beside as a baseline.
-        writers: of predictions, by how they are mirrored.
+        mean_depth: mean depth of the training frames in mm, scored as a baseline.
+        writers: writers of predictions by way of mirroring.
     """
     scorings, writers = list(scorings), writers or {}
-    with ExitStack() as begun:
+    with ExitStack() as stack:
         for writer in writers.values():
-            begun.callback(writer.give_up)
+            stack.callback(writer.give_up)
         with torch.inference_mode():
             for batch, predictions in predicted:
                 for scoring in scorings:

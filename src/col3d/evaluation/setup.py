@@ -1,4 +1,4 @@
-"""What an evaluation scores: a network with its weights, and the data to score it on."""
+"""Setup of an evaluation: a network with its weights, and the data to score it on."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,57 +24,57 @@ class EvaluationSetup:
     seed: int
     max_depth: float
     mean_depth: Tensor | None
-    """Of the frames that it was trained on, in mm."""
+    """Mean depth of the training frames in mm; None if unknown."""
     data: DataOptions
-    """The data set that is scored, its size and how it is fed."""
+    """The scored data set, with the size of frames and the options of its loader."""
     phantom: PhantomOptions
     scored: Scored
 
 
 def evaluation_setup(options: EvaluateOptions) -> EvaluationSetup:
-    """The network of a checkpoint, of a training or of the authors, and the data that are asked for.
+    """Load the network of a checkpoint, of a training or of the authors, and choose the data.
 
     Raises:
-        UserError: the checkpoint is none of those, or the data are not said.
+        UserError: the checkpoint is none of those, or the data are not given.
     """
     path = Path(options.checkpoint)
     return _published(path, options) if options.published else _trained(path, options)
 
 
 def _trained(path: Path, options: EvaluateOptions) -> EvaluationSetup:
-    """A training's checkpoint, on the data it was trained with or on others."""
-    found = trained_network(path)
-    trained, model = found.trained, found.trained.model
+    """Set up a training's checkpoint, on the data it was trained with or on others."""
+    loaded = trained_network(path)
+    trained, model = loaded.trained, loaded.trained.model
     phantom = trained.phantom if options.data is None else options.phantom
     other = options.data and options.data.model_copy(update={"size": list(trained.size_hw)})
-    data = _as_asked(other or _of_part(trained.data, options.split), options, phantom)
+    data = _with_overrides(other or _of_part(trained.data, options.split), options, phantom)
     scored = Scored(data, options.split, data.size, Scored.after(trained.data, options.split).trained)
-    mean = mean_depth(found.depth_seen)
+    mean = mean_depth(loaded.depth_seen)
     return EvaluationSetup(
-        found.network, model.name, trained.seed, model.max_depth, mean, data, phantom, scored
+        loaded.network, model.name, trained.seed, model.max_depth, mean, data, phantom, scored
     )
 
 
 def _of_part(data: DataOptions, part: str) -> DataOptions:
-    """The data set that a part of a training is of, fed as the training's own."""
+    """Return the data set that a part of a training is of, with the training's loader options."""
     if part != "test" or data.test is None:
         return data
     return data.fed(data.test)
 
 
 def _published(path: Path, options: EvaluateOptions) -> EvaluationSetup:
-    """A checkpoint of the authors, as it is."""
+    """Set up a checkpoint of the authors."""
     assert options.published is not None
     if options.data is None:
         raise UserError("data: published weights do not say what to score them on; take data=c3vd or phantom")
     network = published_network(path, options.published, options.max_depth)
-    data = _as_asked(options.data, options, options.phantom)
+    data = _with_overrides(options.data, options, options.phantom)
     scored = Scored.after(data, options.split)
     depth = options.max_depth or MAX_DEPTH
     return EvaluationSetup(network.eval(), options.published, 0, depth, None, data, options.phantom, scored)
 
 
-def _as_asked(data: DataOptions, options: EvaluateOptions, phantom: PhantomOptions) -> DataOptions:
-    asked = {name: getattr(options, name) for name in ("root", "batch_size", "workers", "size")}
-    given = {name: value for name, value in asked.items() if value is not None}
+def _with_overrides(data: DataOptions, options: EvaluateOptions, phantom: PhantomOptions) -> DataOptions:
+    overrides = {name: getattr(options, name) for name in ("root", "batch_size", "workers", "size")}
+    given = {name: value for name, value in overrides.items() if value is not None}
     return resolve_source_paths(data.model_copy(update=given), phantom)

@@ -13,13 +13,13 @@ from col3d.phantom.options import PhantomOptions
 
 
 def keep_truth(folder: Path, data: DataOptions, phantom: PhantomOptions, max_depth: float) -> None:
-    """Write images, depth and normals of the test split at the network's size, where they are not yet.
+    """Store images, depth and normals of the test split at the network's size, unless stored already.
 
     Args:
-        folder: where they go; see `col3d.io.predictions`.
-        data: whose test split it is, and the size.
-        phantom: what of it is rendered.
-        max_depth: the largest depth in mm that files hold.
+        folder: folder for the files; see `col3d.io.predictions`.
+        data: data set of the test split, and the size.
+        phantom: options of rendered data.
+        max_depth: the largest depth in mm that the files can hold.
     """
     facts = {
         "max_depth": max_depth,
@@ -30,8 +30,8 @@ def keep_truth(folder: Path, data: DataOptions, phantom: PhantomOptions, max_dep
     if kept is not None and {name: kept.get(name) for name in facts} == facts:
         return
     resized = sized_frames(data.tested, phantom, "test", data.size)
-    there = Path(data.tested.root).is_dir()  # a store serves without, but knows no occlusion
-    frames = full_frames(data.tested, phantom, "test") if there else None
+    has_files = Path(data.tested.root).is_dir()  # a store works without them, but has no occlusion
+    frames = full_frames(data.tested, phantom, "test") if has_files else None
     rays = resized[0]["rays"]
     off_axis = torch.rad2deg(torch.atan2(rays[:2].norm(dim=0), rays[2]))
     writer = PredictionWriter(folder, {**facts, "off_axis": off_axis.round(decimals=2).tolist()})
@@ -47,7 +47,7 @@ def keep_truth(folder: Path, data: DataOptions, phantom: PhantomOptions, max_dep
 
 
 def _shrunk(mask: torch.Tensor, size: list[int]) -> np.ndarray:
-    """The value of the nearest pixel: (1, h, w) -> (h2, w2)."""
+    """Resize a mask by its nearest pixels: (1, h, w) -> (h2, w2)."""
     shrunk = torch.nn.functional.interpolate(mask[None].float(), size=size, mode="nearest-exact")
-    found: np.ndarray = (shrunk[0, 0] > 0).numpy()
-    return found
+    resized: np.ndarray = (shrunk[0, 0] > 0).numpy()
+    return resized

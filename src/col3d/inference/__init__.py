@@ -1,4 +1,4 @@
-"""A trained network at work: the predictor, prediction of images, export, fusion, the demo.
+"""Use of a trained network: the predictor, prediction of images, export, fusion, the demo.
 
 Nothing here is scored or trained.
 """

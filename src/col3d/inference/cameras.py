@@ -1,4 +1,4 @@
-"""The camera that a user names: a lens of a data set, a pinhole's four numbers, a file, or none."""
+"""Parsing of the option `camera`: a lens of a data set, the numbers of a pinhole, a file, or none."""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -13,22 +13,22 @@ from col3d.geometry.camera_file import check_round_trip, read_lens
 from col3d.registry import DATASETS, Part
 
 SQUEEZE = 0.01
-"""Largest difference of the sides' ratio from that of the lens, as a share."""
+"""Largest relative difference of the aspect ratio from that of the lens."""
 CameraOption = str | list[float] | None
 
 
 def lenses() -> dict[str, Part]:
-    """Data sets by whose names their lens is known."""
+    """Return the data sets whose name stands for their lens, by name."""
     parts = (DATASETS[name] for name in DATASETS.names())
     return {part.name: part for part in parts if hasattr(part.build, "lens") and not part.facts["rendered"]}
 
 
 def lens_of(option: CameraOption) -> Camera | None:
-    """The camera at the size it was calibrated at; one whose numbers say none has the size (0, 0).
+    """Return the camera at the size it was calibrated at, or at size (0, 0) if that is not known.
 
     Args:
         option: `c3vd`, `c3vdv2`, `simcol3d`; [fx, fy, cx, cy] in pixels of the images; the path of a file
-            (`docs/cameras.md` lists what is read); None or `none` where nothing is known.
+            (`docs/cameras.md` lists the formats); None or `none` if the camera is unknown.
 
     Raises:
         UserError: it is none of these.
@@ -54,7 +54,7 @@ def lens_of(option: CameraOption) -> Camera | None:
 
 @lru_cache(maxsize=16)
 def _read(path: Path, version: int) -> Camera:
-    """The camera of a file at a version of it; prints what has to be said of it once."""
+    """Read a camera file, cached by its version; print remarks about it once."""
     try:
         camera, remark = read_lens(path)
     except DataError as error:
@@ -72,10 +72,10 @@ def _read(path: Path, version: int) -> Camera:
 
 
 def camera_at(lens: Camera, size_hw: tuple[int, int]) -> Camera:
-    """The camera of images of a size, which must show all that the lens does, squeezed nowhere.
+    """Return the camera of images of a size, which must have the aspect ratio of the lens.
 
     Raises:
-        DataError: their sides have another ratio.
+        DataError: the aspect ratio differs.
     """
     if lens.size_hw == (0, 0):
         camera = replace(lens, size_hw=size_hw)
@@ -95,7 +95,7 @@ def camera_at(lens: Camera, size_hw: tuple[int, int]) -> Camera:
 
 
 def outside_image(camera: Camera) -> str:
-    """What a principal point outside of the image may mean, in words; nothing where it is inside."""
+    """Explain what a principal point outside of the image may mean; empty if it is inside."""
     (height, width), (u, v) = camera.size_hw, camera.centre
     if -0.5 <= u <= width - 0.5 and -0.5 <= v <= height - 0.5:
         return ""
@@ -106,7 +106,7 @@ def outside_image(camera: Camera) -> str:
 
 
 def view_of(option: CameraOption, size_hw: tuple[int, int]) -> Bool[Tensor, "1 h w"] | None:
-    """Where the camera of this name shows anything; None where it does everywhere, or nobody knows."""
+    """Return the mask of pixels that a camera shows; None if it shows all, or that is unknown."""
     if isinstance(option, list) or option is None or option == "none":
         return None
     if part := lenses().get(option):

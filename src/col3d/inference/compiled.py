@@ -1,4 +1,4 @@
-"""Generated code for a network, in place."""
+"""Compilation of a network by torch, in place."""
 
 import os
 import shutil
@@ -11,14 +11,14 @@ COMPILERS = ("c++", "g++", "clang++")
 
 
 def compile_network(network: nn.Module, trained: bool = False) -> None:
-    """Let torch generate code for a network when it is first called, for each size of a batch and each mode.
+    """Compile a network when it is first called, for each size of a batch and each mode.
 
-    The module stays what it is: its state dict has the same names, and `network.forward` the plain code.
+    The module stays the same: its state dict has the same names, and `network.forward` is the plain code.
 
     Args:
-        network: on its device.
-        trained: whether its weights stay as they are. They are then put into the code in the order that it
-            reads them in, with batch norms multiplied in; the code serves without gradients alone.
+        network: network on its device.
+        trained: whether its weights are final. They are then frozen into the code, in the layout in which it
+            reads them and with batch norms folded in; the code works only without gradients.
 
     Raises:
         UserError: there is no C++ compiler.

@@ -58,7 +58,7 @@ class PredictOptions(CheckpointOptions):
 
 
 class PoseOptions(Options):
-    """What the lines of pose.txt mean; what is `auto` is told by depth, and C3VD's where nothing tells."""
+    """How the lines of pose.txt are read; `auto` is inferred from depth, else as in C3VD."""
 
     direction: Literal["auto", "camera_to_world", "world_to_camera"]
     axes: Literal["auto", "opencv", "opengl", "unity"]

@@ -1,4 +1,4 @@
-"""Depth and normals of any images: read, predict and write, one batch after the other."""
+"""`col3d predict`: depth and normals of any images, read, predicted and written batch by batch."""
 
 import itertools
 import time
@@ -27,11 +27,11 @@ from col3d.runs.known_failures import as_user_errors
 from col3d.signals import StopSignals, stoppable
 
 READ_AHEAD = 4
-"""Images that are decoded while the network is busy."""
+"""Number of images that are decoded ahead, while the network is busy."""
 
 
 def predict(given: Mapping[str, Any]) -> None:
-    """Predict every image of a source and write what is asked for.
+    """Predict every image of a source and write the requested files.
 
     Args:
         given: the composed configuration as plain values; see `PredictOptions`.
@@ -48,13 +48,13 @@ def predict(given: Mapping[str, Any]) -> None:
         lens = _lens(options, source)
         _check_sides(lens, source)
         network = _network(options, lens)
-        _say_what_holds(network, lens)
+        _print_validity(network, lens)
         with (
             as_user_errors("batch_size=1 takes least at a time; images can be made smaller first"),
             PredictionFolder(Path(options.output), options, network, source, lens) as folder,
         ):
             _run(network, source, lens, options, folder, stop)
-        folder.report(stop.asked is not None)
+        folder.report(stop.pending is not None)
     if folder.written == 0:
         raise UserError(
             f"input: no image of {options.input} could be predicted; the first: {folder.faults[0]}"
@@ -72,7 +72,7 @@ def _source(options: PredictOptions) -> ImageSource:
 
 
 def _lens(options: PredictOptions, source: ImageSource) -> Camera | None:
-    """The camera; numbers of a pinhole are of the size of the first image, and are scaled for others."""
+    """Return the camera; a pinhole's numbers hold for the first image's size, and are scaled for others."""
     lens = lens_of(options.camera)
     if lens is None or lens.size_hw != (0, 0):
         return lens
@@ -83,7 +83,7 @@ def _lens(options: PredictOptions, source: ImageSource) -> Camera | None:
 
 
 def _check_sides(lens: Camera | None, source: ImageSource) -> None:
-    """Refuse images none of which the lens can have seen, before any is decoded."""
+    """Refuse images of which none has the aspect ratio of the lens, before any is decoded."""
     if lens is None:
         return
     refused: DataError | None = None
@@ -98,20 +98,20 @@ def _check_sides(lens: Camera | None, source: ImageSource) -> None:
 
 
 def _network(options: PredictOptions, lens: Camera | None) -> Predictor:
-    found = load_predictor(Path(options.checkpoint), options.published, options.max_depth, options.size)
-    if needs_rays(found.network) and lens is None:
+    network = load_predictor(Path(options.checkpoint), options.published, options.max_depth, options.size)
+    if needs_rays(network.network) and lens is None:
         raise UserError(
             "camera: this network's normals are relative to the viewing rays (model.normal_frame=ray); "
             "give the camera of the images, such as camera=c3vd"
         )
-    found.place(options.accelerator)
+    network.place(options.accelerator)
     if options.compile:
-        compile_network(found.network, trained=True)
-    return found
+        compile_network(network.network, trained=True)
+    return network
 
 
-def _say_what_holds(network: Predictor, lens: Camera | None) -> None:
-    """What the numbers mean with this camera, before they are made."""
+def _print_validity(network: Predictor, lens: Camera | None) -> None:
+    """Print whether depth is metric with this camera, before anything is predicted."""
     if lens is None:
         print("camera: none given; depth is relative and no millimetres are claimed", flush=True)
         return
@@ -133,7 +133,7 @@ def _run(
     folder: PredictionFolder,
     stop: StopSignals,
 ) -> None:
-    """Predict and write all, or what there is before a signal that asks for an end."""
+    """Predict and write all images, or those before a stop signal."""
     stop.hold()
     with frames_bar("predict") as bar:
         task = bar.add_task("frames", total=source.count or None)
@@ -141,12 +141,12 @@ def _run(
             for shot, frame in _predicted(network, shots, lens, options):
                 folder.skip(shot) if frame is None else folder.add(frame)
                 bar.advance(task)
-                if stop.asked is not None:
+                if stop.pending is not None:
                     return
 
 
 def batched(shots: Iterable[SourceImage], most: int) -> Iterator[list[SourceImage]]:
-    """Images of one size, or one that is broken, together, in their order."""
+    """Group successive images of one size into batches, in order; a broken image is a batch of its own."""
     alike = itertools.groupby(shots, lambda shot: None if shot.image is None else shot.image.shape)
     for shape, group in alike:
         while batch := list(itertools.islice(group, 1 if shape is None else most)):
@@ -156,7 +156,7 @@ def batched(shots: Iterable[SourceImage], most: int) -> Iterator[list[SourceImag
 def _predicted(
     network: Predictor, shots: list[SourceImage], lens: Camera | None, options: PredictOptions
 ) -> Iterator[tuple[SourceImage, Predicted | None]]:
-    """Each image with what is said of it, or None and a fault."""
+    """Yield each image with its prediction, or with None if it has a fault."""
     images = [shot.image for shot in shots if shot.image is not None]
     if not images:
         yield from ((shot, None) for shot in shots)

@@ -1,4 +1,4 @@
-"""A frame with what a network said of it, and the files and pictures that are made of one."""
+"""A predicted frame, and the files and pictures that are made of it."""
 
 import math
 from dataclasses import dataclass
@@ -16,24 +16,24 @@ from col3d.reports.clouds import write_cloud
 from col3d.reports.previews import SideBySide, depth_picture, normals_picture
 
 TENS = 10.0
-"""Millimetres in which the colours of a video grow."""
+"""Step in mm in which the colour range of a video grows."""
 EVERY = 4
-"""Pixels from one at which flicker is measured to the next."""
+"""Distance in pixels between the samples at which flicker is measured."""
 SHOWN = 360
 """Height of pictures in previews."""
 
 
 @dataclass(frozen=True)
 class Predicted:
-    """A frame with what a network said of it.
+    """A frame with a network's prediction for it.
 
     Attributes:
         shot: the image.
-        depth: mm, or of no unit where the camera is unknown.
-        normals: unit vectors; None where the network has none.
-        mask: what the endoscope shows; None for everything.
-        camera: of the image; None where unknown.
-        seconds: that the network took.
+        depth: depth in mm, or without unit if the camera is unknown.
+        normals: unit vectors; None if the network predicts none.
+        mask: pixels that the endoscope shows; None for all.
+        camera: camera of the image; None if unknown.
+        seconds: time that the network took.
     """
 
     shot: SourceImage
@@ -50,13 +50,13 @@ class Predicted:
 
 
 class CodeFiles:
-    """`frames/NAME_depth.tiff` and `NAME_normals.tiff` as C3VD's current release has them."""
+    """Writer of `frames/NAME_depth.tiff` and `NAME_normals.tiff`, encoded as in C3VD's current release."""
 
     def __init__(self, folder: Path, max_depth: float) -> None:
         self.folder, self.max_depth = folder / "frames", max_depth
 
     def __call__(self, frame: Predicted) -> None:
-        """Write those of a frame."""
+        """Write the files of a frame."""
         name = frame.shot.name
         codes = depth_codes(frame.depth, self.max_depth, frame.mask)
         write_tiff(self.folder / f"{name}_depth.tiff", codes)
@@ -65,13 +65,13 @@ class CodeFiles:
 
 
 class Clouds:
-    """`clouds/NAME.ply`: coloured points along the rays of the camera."""
+    """Writer of `clouds/NAME.ply`: coloured points along the rays of the camera."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder / "clouds"
 
     def __call__(self, frame: Predicted) -> None:
-        """Write that of a frame."""
+        """Write the cloud of a frame."""
         assert frame.camera is not None
         assert frame.shot.image is not None
         depth = torch.from_numpy(frame.depth)[None, None]
@@ -81,13 +81,13 @@ class Clouds:
 
 
 class Pictures:
-    """Image, depth and normals of frames beside one another.
+    """Draws image, depth and normals of frames side by side.
 
     Args:
-        span: depth that the colours span; that of the images when None.
-        unit: of depth, on the colour bar.
-        is_series: whether the colours of one image are to mean the same in the next: they then begin at 0,
-            and their end only ever grows, in tens.
+        span: range of depth that the colours span; that of each image when None.
+        unit: unit of depth on the colour bar.
+        is_series: whether frames share their colours: the range then begins at 0, and its end only grows, in
+            steps of ten.
     """
 
     def __init__(self, span: tuple[float, float] | None, unit: str, is_series: bool) -> None:
@@ -96,7 +96,7 @@ class Pictures:
         self.pages: dict[tuple[Any, ...], SideBySide] = {}
 
     def __call__(self, frame: Predicted) -> np.ndarray:
-        """The page of a frame, RGB."""
+        """Draw the picture of a frame, RGB."""
         assert frame.shot.image is not None
         low, high = self.span or self._span(frame)
         pictures = [frame.shot.image, depth_picture(frame.depth, low, high, frame.mask)]
@@ -112,7 +112,7 @@ class Pictures:
         return 0.0, self.highest
 
     def _page(self, size_hw: tuple[int, ...], count: int, span: tuple[float, float]) -> SideBySide:
-        """Drawn anew where size or colours change."""
+        """Return the layout for a size and colours, cached until they change."""
         key = (size_hw, count, span)
         if key not in self.pages:
             width = max(round(size_hw[1] * SHOWN / size_hw[0]), 1)
@@ -122,7 +122,7 @@ class Pictures:
 
 
 def sparse_depth(frame: Predicted) -> torch.Tensor:
-    """Depth (1, 1, h, w) of every fourth pixel each way, NaN where the endoscope shows nothing."""
+    """Return depth (1, 1, h, w) of every fourth pixel each way, NaN where the endoscope shows nothing."""
     depth = torch.from_numpy(frame.depth)[::EVERY, ::EVERY]
     if frame.mask is not None:
         depth = depth.masked_fill(~torch.from_numpy(frame.mask)[::EVERY, ::EVERY], torch.nan)

@@ -1,4 +1,4 @@
-"""The folder of a prediction: files of each frame, a row for each, a video and a summary of all."""
+"""Output folder of `col3d predict`: files of each frame, a table of frames, a video and a summary."""
 
 import csv
 import io
@@ -32,24 +32,24 @@ COLUMNS = (
     *("name", "frame", "height", "width", "unit", "depth_min", "depth_median", "depth_max"),
     *("out_of_range", "flicker", "seconds", "fault"),
 )
-ALMOST_ALL = 0.99  # of the network's largest depth: from there a pixel counts as out of its range
+ALMOST_ALL = 0.99  # share of the network's largest depth from which a pixel counts as out of range
 FPS = 15.0
-MOST_FAULTS = 5  # images that are named on screen as skipped
-PENDING = 8  # frames whose files may wait for the disk
+MOST_FAULTS = 5  # skipped images that are named on screen
+PENDING = 8  # frames whose files may be waiting for the disk
 
 
 class PredictionFolder:
-    """Writes predictions as they come; used as a context.
+    """Context manager that writes predictions one by one.
 
     Args:
-        path: of the folder.
-        options: what is to be written.
-        network: that predicts.
-        source: of the images.
-        lens: of their camera; None where unknown.
+        path: path of the folder.
+        options: options of the program, including what to write.
+        network: the predictor.
+        source: source of the images.
+        lens: camera of the images; None if unknown.
 
     Raises:
-        UserError: an earlier prediction is there, or files of others, or the input itself.
+        UserError: the folder holds an earlier prediction, files of others, or the input itself.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class PredictionFolder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Wait for the disk, and close what is open."""
+        """Wait until all files are written, and close open files."""
         self.pool.shutdown(wait=True, cancel_futures=error is not None)
         try:
             if error is None:
@@ -97,16 +97,16 @@ class PredictionFolder:
     def _close_video(self) -> None:
         try:
             self.video.close()
-        except OSError as fault:  # raised once the summary of what is there is written
+        except OSError as fault:  # raised after the summary is written
             self.video_fault = fault
 
     def _begin(self) -> None:
-        """Replace what was there, now that there is something to put in its place."""
+        """Remove an earlier prediction, and create folders and table; called at the first frame."""
         self.owned.remove()
         self.owned.claim(*FILES)
         kinds = {"frames": self.files, "clouds": self.clouds, "previews": self.options.previews}
-        for part, asked in kinds.items():
-            if asked:
+        for part, is_wanted in kinds.items():
+            if is_wanted:
                 (self.path / part).mkdir(parents=True, exist_ok=True)
         self.table = (self.path / TABLE).open("w", encoding="utf-8", errors="backslashreplace", newline="")
         self.rows = csv.DictWriter(self.table, COLUMNS)
@@ -115,7 +115,7 @@ class PredictionFolder:
             self.rows.writerows(self.early)
 
     def add(self, frame: Predicted) -> None:
-        """Write a frame; the first makes the folder its own."""
+        """Write a frame; the first one replaces an earlier prediction."""
         if self.table is None:
             self._begin()
         name, number = frame.shot.name, frame.shot.number
@@ -143,7 +143,7 @@ class PredictionFolder:
         self.seconds.append(frame.seconds)
 
     def _names(self, frame: Predicted, with_page: bool, with_cloud: bool) -> list[str]:
-        """What is written of a frame."""
+        """Return the names of the files of a frame."""
         name = frame.shot.name
         codes = ["depth"] if frame.normals is None else ["depth", "normals"]
         return [
@@ -153,7 +153,7 @@ class PredictionFolder:
         ]
 
     def skip(self, shot: SourceImage) -> None:
-        """Note an image that could not be read."""
+        """Record an image that could not be read."""
         self.faults.append(shot.fault)
         self._add_row({"name": shot.name, "frame": shot.number, "fault": shot.fault}, None)
 
@@ -168,12 +168,12 @@ class PredictionFolder:
             write_whole(self.path / "previews" / f"{frame.shot.name}.png", content.getvalue())
 
     def _wait(self, most: int) -> None:
-        """For the disk, until so many frames are on their way; what failed there is raised here."""
+        """Wait until at most so many frames are being written; errors of writing are raised here."""
         while len(self.pending) > most:
             self.pending.popleft().result()
 
     def _add_row(self, row: dict[str, Any], depth: torch.Tensor | None) -> None:
-        """A row is written when the next frame has come, which its flicker needs."""
+        """Add the row of a frame; it is written after the next frame, which its flicker needs."""
         self.recent.append((row, depth))
         maps = [values for _, values in self.recent if values is not None]
         if self.is_series and len(maps) == 3 and self._follow() and len({m.shape for m in maps}) == 1:
@@ -184,7 +184,7 @@ class PredictionFolder:
             self._write_row(-2)
 
     def _follow(self) -> bool:
-        """Whether no frame is missing between the last three."""
+        """Whether the last three frames are consecutive."""
         first, _, last = (row["frame"] for row, _ in self.recent)
         return int(last - first) == 2
 
@@ -199,21 +199,21 @@ class PredictionFolder:
                 self.table.flush()
 
     def report(self, stopped: bool) -> None:
-        """Write the summary, and say on screen what is there; where nothing was written, nothing.
+        """Write and print the summary; do nothing if no frame was written.
 
         Raises:
-            OSError: that, or before it the video, could not be written.
+            OSError: the summary or the video could not be written.
         """
         if not self.written:
             return
         flicker = float(np.mean(self.flicker)) if self.flicker else None
         decorations = Decorations("the rest is there; the same command makes all of it again")
         if self.is_series:
-            with decorations.one(CHART):
+            with decorations.attempt(CHART):
                 draw_over_time(self.path / TABLE, self.path / CHART)
         undone = [*decorations.undone, *([VIDEO] if self.video_fault is not None else [])]
         facts = {**self._summary(stopped, flicker), "undone": undone}
-        write_json(self.path / SUMMARY, facts)  # says that all is there but what is undone
+        write_json(self.path / SUMMARY, facts)  # marks the prediction as complete except for `undone`
         for fault in self.faults[:MOST_FAULTS]:
             print(f"skipped: {fault}", flush=True)
         if len(self.faults) > MOST_FAULTS:

@@ -1,4 +1,4 @@
-"""A trained network that predicts for images of any size."""
+"""Predictor: a trained network that takes images of any size."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from col3d.layers.network import device_of
 from col3d.runs.environment import device_for
 
 SAME_LENS = 1e-3
-"""Largest difference of two unit rays of one lens."""
+"""Largest difference of unit rays within which two cameras count as one lens."""
 
 
 @dataclass(frozen=True)
@@ -26,12 +26,12 @@ class Predictor:
     """A network with its final weights, ready for images of any size.
 
     Attributes:
-        network: in evaluation mode.
-        name: of the model, or of whose weights it holds.
-        size_hw: that it sees; images are resized to it.
-        max_depth: the largest depth in mm that it can say.
-        cameras: of the frames it was trained on, at that size; empty where nobody knows.
-        trained_on: names of those data sets.
+        network: network in evaluation mode.
+        name: name of the model, or of the published weights.
+        size_hw: size of its input, to which images are resized.
+        max_depth: the largest depth in mm that it can predict.
+        cameras: cameras of the training frames, at that size; empty if unknown.
+        trained_on: names of the data sets it was trained on.
     """
 
     network: nn.Module
@@ -43,18 +43,17 @@ class Predictor:
 
     @torch.inference_mode()
     def predict(self, images: UInt8[Tensor, "b 3 h w"], camera: Camera | None = None) -> Prediction:
-        """Depth and normals of images, on the network's device, at the images' own size.
+        """Predict depth and normals of images, on the network's device, at the images' own size.
 
-        The images are resized as in training; what the network says is read off between its pixels,
-        bilinearly.
+        The images are resized as in training; the prediction is resized back by bilinear interpolation.
 
         Args:
             images: RGB in 8 bits.
-            camera: of the images, at their size; needed by networks whose `needs_rays` is True.
+            camera: camera of the images, at their size; required by networks whose `needs_rays` is True.
 
         Raises:
-            ValueError: the camera is needed and absent, or is of another size.
-            UserError: the network gives numbers that are not finite.
+            ValueError: the camera is required and absent, or is of another size.
+            UserError: a prediction is not finite.
         """
         size_hw = (images.shape[2], images.shape[3])
         if camera is not None and camera.size_hw != size_hw:
@@ -76,11 +75,11 @@ class Predictor:
         return enlarged
 
     def place(self, accelerator: str) -> None:
-        """Move the network to where an option `accelerator` says: auto takes a GPU where there is one."""
+        """Move the network to the device of an option `accelerator`: auto takes a GPU if there is one."""
         self.network.to(device_for(accelerator))
 
     def knows(self, camera: Camera) -> bool:
-        """Whether images of this camera have the lens of frames that the network was trained on."""
+        """Whether a camera has the lens of the frames that the network was trained on."""
         rays = camera.resized(self.size_hw).rays()
         return any(bool((rays - known.rays()).abs().max() < SAME_LENS) for known in self.cameras)
 
@@ -95,13 +94,13 @@ def load_predictor(
     max_depth: float | None = None,
     size: Sequence[int] | None = None,
 ) -> Predictor:
-    """The network of a checkpoint.
+    """Load a predictor from a checkpoint.
 
     Args:
-        path: of a checkpoint of `train.py`, or of the authors.
-        published: whose weights it holds; None for a checkpoint of `train.py`.
-        max_depth: millimetres that published weights were trained with; 100 when absent.
-        size: height and width that published weights see; 320 x 320 when absent.
+        path: path of a checkpoint of `train.py`, or of the authors.
+        published: name of the published weights; None for a checkpoint of `train.py`.
+        max_depth: largest depth in mm of published weights; 100 when absent.
+        size: height and width of the input of published weights; 320 x 320 when absent.
 
     Raises:
         UserError: the file is no such checkpoint.
@@ -113,8 +112,8 @@ def load_predictor(
     if max_depth is not None or size is not None:
         option = "max_depth" if size is None else "size"
         raise UserError(f"{option}: only for published weights; our checkpoints store it")
-    found = trained_network(path)
-    trained, model = found.trained, found.trained.model
+    loaded = trained_network(path)
+    trained, model = loaded.trained, loaded.trained.model
     return Predictor(
-        found.network, model.name, trained.size_hw, model.max_depth, found.cameras, trained.trained_on
+        loaded.network, model.name, trained.size_hw, model.max_depth, loaded.cameras, trained.trained_on
     )

@@ -1,4 +1,4 @@
-"""The network of a checkpoint: of ours with what is known of its training, or of the authors."""
+"""Loading of networks from checkpoints: our own, with the options of their training, or the authors'."""
 
 import hashlib
 from collections.abc import Mapping
@@ -22,14 +22,14 @@ from col3d.runs.starts import Starts
 from col3d.runs.trained import Trained, depth_seen, trained_options
 
 MAX_DEPTH = 100.0
-"""Millimetres that the published programs for C3VD are trained with."""
+"""Largest depth in mm that the published programs for C3VD are trained with."""
 SIZE = (320, 320)
-"""Height and width that they see."""
+"""Height and width of their input."""
 SHIPPED = "shipped"
-"""In place of a checkpoint's path: the small network that comes with the package. A file that is called so
-itself is reached by its absolute path."""
+"""Stands for the small network that comes with the package, in place of a checkpoint's path. A file with this
+name can be given by its absolute path."""
 NETWORK = "network."
-"""What names of its weights begin with in a checkpoint of `train.py`."""
+"""Prefix of the names of a network's weights in a checkpoint of `train.py`."""
 
 
 @dataclass(frozen=True)
@@ -37,10 +37,10 @@ class TrainedNetwork:
     """The network of a checkpoint of `train.py`.
 
     Attributes:
-        network: in evaluation mode.
+        network: network in evaluation mode.
         trained: the options of its training.
-        content: all that the checkpoint holds.
-        cameras: of the frames it was trained on, at their size; empty where nobody knows.
+        content: content of the checkpoint.
+        cameras: cameras of the training frames, at their size; empty if unknown.
         depth_seen: sum of the training depths in mm, and their number.
     """
 
@@ -52,7 +52,7 @@ class TrainedNetwork:
 
 
 def trained_network(path: Path) -> TrainedNetwork:
-    """The network of a checkpoint of `train.py`.
+    """Load the network of a checkpoint of `train.py`.
 
     Raises:
         UserError: it is no such checkpoint, damaged, or of another version.
@@ -63,7 +63,7 @@ def trained_network(path: Path) -> TrainedNetwork:
 
 
 def network_of(checkpoint: Mapping[str, Any], path: Path) -> TrainedNetwork:
-    """The same, of what was read from a file already.
+    """Build the network of a checkpoint of `train.py` that has been read.
 
     Raises:
         UserError: it is of no training, damaged, or of another version.
@@ -75,7 +75,7 @@ def network_of(checkpoint: Mapping[str, Any], path: Path) -> TrainedNetwork:
 
 
 def _fill(network: nn.Module, checkpoint: Mapping[str, Any], path: Path) -> Tensor:
-    """Load the network's weights; the depth that its training has seen.
+    """Load the network's weights, and return the sum and number of its training depths.
 
     Raises:
         UserError: tensors are not finite, or not those of the network.
@@ -97,7 +97,7 @@ def _fill(network: nn.Module, checkpoint: Mapping[str, Any], path: Path) -> Tens
 
 
 def _cameras(checkpoint: Mapping[str, Any], path: Path) -> tuple[Camera, ...]:
-    """The cameras of the frames that a checkpoint was trained on, which need not say."""
+    """Read the cameras of the training frames from a checkpoint; empty if it holds none."""
     about = checkpoint.get("about") or {}
     try:
         return tuple(camera_from_plain(plain) for plain in about.get("cameras", ()))
@@ -108,10 +108,10 @@ def _cameras(checkpoint: Mapping[str, Any], path: Path) -> tuple[Camera, ...]:
 
 
 def published_network(path: Path, source: str, max_depth: float | None = None) -> DepthNetwork:
-    """The network of a checkpoint that the authors' program saved.
+    """Load the network of a checkpoint that the authors' program saved.
 
     Raises:
-        UserError: it is not theirs.
+        UserError: it is no checkpoint of the authors.
     """
     if str(path) == SHIPPED:
         raise UserError(
@@ -124,12 +124,12 @@ def published_network(path: Path, source: str, max_depth: float | None = None) -
 
 
 def located(checkpoint: Path) -> Path:
-    """The file of a checkpoint: the path itself, but for the network that is shipped."""
+    """Return the file of a checkpoint: the path itself, or that of the shipped network."""
     return Path(weights.__file__).with_name("shipped.ckpt") if str(checkpoint) == SHIPPED else checkpoint
 
 
 def _check_run(path: Path, checkpoint: Mapping[str, Any]) -> None:
-    """Refuse a checkpoint that another run left in the folder of a run."""
+    """Refuse a checkpoint in the folder of a run that is of another run."""
     folder, run = path.absolute().parent, run_of(checkpoint)
     home = Starts(folder.parent).run if folder.name == "checkpoints" else ""
     if run is not None and home and run != home:
@@ -140,7 +140,7 @@ def _check_run(path: Path, checkpoint: Mapping[str, Any]) -> None:
 
 
 def read_file(path: Path) -> dict[str, Any]:
-    """What a file of weights holds, with every byte checked.
+    """Read a file of weights, after verifying it.
 
     Raises:
         UserError: there is no such file, or it is damaged or of something else.
@@ -154,7 +154,7 @@ def read_file(path: Path) -> dict[str, Any]:
 
 
 def _check_shipped(path: Path) -> None:
-    """Hold the file that comes with the package against the sum that does."""
+    """Verify the shipped checkpoint by its checksum."""
     try:
         content = path.read_bytes()
     except OSError as error:

@@ -1,4 +1,4 @@
-"""Files in general: written whole or not at all, JSON, which files are ours, formats, predictions on disk.
+"""File handling: atomic writes, JSON, ownership of output files, image formats, stored predictions.
 
-Files of a data set are read in `data`, those of a run in `runs`.
+Files of data sets are read in `data`, files of runs in `runs`.
 """

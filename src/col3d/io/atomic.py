@@ -1,4 +1,4 @@
-"""Files that are there whole or as they were before."""
+"""Atomic writing of files: after a failure the previous content is still there."""
 
 import os
 from collections.abc import Iterator
@@ -7,21 +7,22 @@ from pathlib import Path
 from typing import BinaryIO
 
 PARTIAL = ".partial"
-"""What the name of a file ends in while it is written."""
+"""Suffix of a file's name while it is being written."""
 BUFFER = 1 << 22
-"""Bytes read or written at once: an archive of torch is hundreds of pieces, each else a trip to a server."""
+"""Bytes read or written at once: torch writes an archive in hundreds of pieces, each of which
+would be a round trip to a file server."""
 
 
 @contextmanager
 def whole_file(path: Path, writer: str = "") -> Iterator[BinaryIO]:
-    """A file beside `path` to write into, which takes its place once it is on the disk.
+    """Open a temporary file beside `path`, which replaces `path` once it is on the disk.
 
     Args:
-        path: of the file.
-        writer: tells apart processes that may write it at the same time.
+        path: path of the file.
+        writer: suffix that distinguishes processes which may write the file at the same time.
 
     Raises:
-        OSError: names `path`; what was there before is there still, and nothing beside it.
+        OSError: names `path`; the previous file is unchanged and the temporary one is removed.
     """
     partial = path.with_name(f"{path.name}{writer}{PARTIAL}")
     try:
@@ -34,13 +35,13 @@ def whole_file(path: Path, writer: str = "") -> Iterator[BinaryIO]:
         with suppress(OSError):
             partial.unlink()
         if isinstance(error, OSError) and error.filename in (None, str(partial)):
-            error.filename = str(path)  # a disk that is full does not say of what
+            error.filename = str(path)  # the error of a full disk names no file
             error.filename2 = None
         raise
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
-    """Write a file in one step.
+    """Write a file atomically.
 
     Raises:
         OSError: names `path`.

@@ -1,7 +1,7 @@
-"""The formats of images and videos that are opened, by the names their decoders have for them.
+"""Formats of images and videos that may be opened, by the names that their decoders use.
 
-Decoders choose by what is in a file, not by its name: without these lists an EPS called `.png` starts
-Ghostscript, and a text called `.mp4` is played as the list of other files that it is.
+Decoders choose by a file's content, not by its name: without these lists an EPS file named `.png` would start
+Ghostscript, and a text file named `.mp4` would be played as a list of other files.
 """
 
 import os
@@ -10,14 +10,14 @@ from pathlib import Path
 import cv2
 
 IMAGE_FORMATS = ("PNG", "JPEG", "BMP", "TIFF", "WEBP")
-"""Pillow's; for `formats` of each `Image.open`."""
+"""Pillow's names, for the argument `formats` of `Image.open`."""
 MOVING_FORMATS = (*IMAGE_FORMATS, "GIF")
-"""Of files that may hold several pictures."""
+"""Formats of files that may hold several pictures."""
 DEMUXERS = (
     *("mov", "avi", "matroska", "mpeg", "mpegts", "mpegvideo", "m4v", "asf", "ogg"),
     *("flv", "mxf", "h264", "hevc"),
 )
-"""FFmpeg's, of files that hold their pictures themselves."""
+"""FFmpeg's demuxers of files that contain their pictures, rather than refer to other files."""
 SILENT = "-8"
 STARTS = {
     b"\x89PNG\r\n\x1a\n": "PNG",
@@ -30,11 +30,11 @@ STARTS = {
     b"GIF87a": "GIF",
     b"GIF89a": "GIF",
 }
-"""The first bytes of formats."""
+"""First bytes of a file, and the format that they identify."""
 
 
 def image_format(path: Path) -> str:
-    """Pillow's name of a file's format by its first bytes; nothing where it is none of `MOVING_FORMATS`.
+    """Identify a file's format by its first bytes: Pillow's name, or "" if it is none of `MOVING_FORMATS`.
 
     Raises:
         OSError: the file cannot be read.
@@ -47,11 +47,11 @@ def image_format(path: Path) -> str:
 
 
 def open_video(path: Path) -> cv2.VideoCapture:
-    """OpenCV's capture of a video file; not opened where the file is none of `DEMUXERS`, or none at all.
+    """Open a video file with OpenCV; the capture is not opened if the file is missing or none of `DEMUXERS`.
 
-    OpenCV hands options on to FFmpeg in its environment alone. An absolute path cannot be taken for a
-    protocol (`concat:a.mp4|b.mp4`), and FFmpeg, unlike OpenCV's reader of numbered images, takes `%02d` in
-    a name as it is.
+    OpenCV passes options to FFmpeg only through the environment. The path is made absolute so that it cannot
+    be read as a protocol (`concat:a.mp4|b.mp4`). FFmpeg, unlike OpenCV's reader of numbered images, takes
+    `%02d` in a name literally.
     """
     limits = f"protocol_whitelist;file|format_whitelist;{','.join(DEMUXERS)}"
     os.environ["OPENCV_FFMPEG_CAPTURE_OPTIONS"] = limits

@@ -1,4 +1,4 @@
-"""JSON in files: written in one step, and without numbers that JSON does not have."""
+"""JSON files, written atomically and without NaN and infinity, which JSON does not have."""
 
 import json
 import math
@@ -10,7 +10,7 @@ from col3d.io.atomic import write_whole
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write in one step; what is not a finite number becomes null."""
+    """Write JSON atomically; numbers that are not finite become null."""
     write_whole(path, json.dumps(_finite(content), indent=2, allow_nan=False) + "\n")
 
 

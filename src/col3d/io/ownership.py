@@ -1,4 +1,4 @@
-"""Which files of a folder this program wrote: the only ones that it replaces or deletes."""
+"""A record of the files in a folder that this program wrote: it replaces or deletes no others."""
 
 import json
 from collections.abc import Container, Iterable, Iterator
@@ -10,12 +10,12 @@ from col3d.io.atomic import write_whole
 
 
 class Owned:
-    """The files of one kind of output in a folder, named in a hidden file there before they are written.
+    """The files of one kind of output in a folder, listed in a hidden file there before they are written.
 
     Args:
-        folder: that need not be there yet.
-        kind: of output, such as "training"; each kind has a list of its own, and owns none of another's.
-        option: that named the folder, for messages.
+        folder: the folder, which need not exist yet.
+        kind: kind of output, such as "training"; each kind has its own list and owns no file of another kind.
+        option: the option that named the folder, for messages.
     """
 
     def __init__(self, folder: Path, kind: str, option: str) -> None:
@@ -24,15 +24,15 @@ class Owned:
         self.names = dict.fromkeys(_names_in(self.list))
 
     def check(self, names: Iterable[str]) -> None:
-        """Refuse names that something else has.
+        """Refuse names of files that exist already and are not in the list.
 
         Raises:
             UserError: names the folder and the file.
         """
         for name in names:
-            if name not in self.names and (found := self._in_the_way(name)) is not None:
+            if name not in self.names and (blocker := self._in_the_way(name)) is not None:
                 raise UserError(
-                    f"{self.option}: {self.folder} holds {found}, which is of no {self.kind} of "
+                    f"{self.option}: {self.folder} holds {blocker}, which is of no {self.kind} of "
                     "this program and stays as it is; name another folder"
                 )
 
@@ -48,7 +48,7 @@ class Owned:
             self.check(sorted(path.name for path in self.folder.iterdir() if path != self.list))
 
     def claim(self, *names: str) -> None:
-        """Say which files are about to be written, by names in the folder; refuse those that are not ours.
+        """Add files that are about to be written to the list; refuse those that exist and are not in it.
 
         Raises:
             UserError: names the folder and the file.
@@ -58,9 +58,9 @@ class Owned:
         self.adopt(*names)
 
     def adopt(self, *names: str) -> None:
-        """The same of files that are known to be ours by what they hold.
+        """Add files to the list without a check, because their content shows that this program wrote them.
 
-        A name is written with the line break before it: one that was cut off spoils no other.
+        A name is written with the line break before it, so that a truncated entry damages no other.
 
         Raises:
             OSError: the list cannot be written.
@@ -79,16 +79,16 @@ class Owned:
             raise
         self.names.update(dict.fromkeys(new))
 
-    def there(self) -> Iterator[str]:
-        """Names of our files that are there."""
+    def existing(self) -> Iterator[str]:
+        """Names in the list whose files exist."""
         return (name for name in self.names if (self.folder / name).is_file())
 
     def remove(self, below: str = "", keep: Container[str] = ()) -> None:
-        """Delete our files, and folders inside that become empty; what others put beside them stays.
+        """Delete the listed files, and folders inside that become empty; files of others stay.
 
         Args:
-            below: what the names begin with.
-            keep: those that stay.
+            below: delete only names that begin with this.
+            keep: names that stay.
         """
         gone = [name for name in self.names if name.startswith(below) and name not in keep]
         for name in gone:
@@ -96,14 +96,14 @@ class Owned:
             (self.folder / f"{name}.partial").unlink(missing_ok=True)
         inside = {parent for name in gone for parent in PurePosixPath(name).parents if parent.parts}
         for parent in sorted((self.folder / parent for parent in inside), reverse=True):
-            with suppress(OSError):  # something of others is in it, or it was never made
+            with suppress(OSError):  # it holds a file of others, or was never made
                 parent.rmdir()
         self.names = {name: None for name in self.names if name not in set(gone)}
         if gone:
             write_whole(self.list, "".join(f"\n{json.dumps(name)}" for name in self.names))
 
     def _in_the_way(self, name: str) -> str | None:
-        """What is where a file is to be written, or where a folder of it should be."""
+        """Return the name of what exists where a file, or one of its parent folders, should be written."""
         *parents, _ = [str(part) for part in reversed(PurePosixPath(name).parents)] + [name]
         files = [parent for parent in parents if (self.folder / parent).exists()]
         blocked = [parent for parent in files if not (self.folder / parent).is_dir()]
@@ -114,7 +114,7 @@ class Owned:
 
 
 def _names_in(path: Path) -> Iterator[str]:
-    """Names in a list that lead to no other folder."""
+    """Read the names in a list, without those that lead outside of the folder."""
     with suppress(OSError):
         for line in path.read_bytes().split(b"\n"):
             with suppress(ValueError):

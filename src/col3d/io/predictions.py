@@ -1,12 +1,12 @@
-"""Predictions on disk: one compressed file a video, depth and normals in 16 bits.
+"""Stored predictions: one compressed file for each video, with depth and normals in 16 bits.
 
-`<video>.npz` holds for frame n the arrays `<n>_depth` (uint16; 65535 is the largest depth, of `index.json`)
-and, where the network predicts them, `<n>_normals` (int16 (h, w, 3); 32767 is 1). Depth of up to 100 mm is
-exact to 0.001 mm, normals to 0.003 degrees.
+`<video>.npz` holds for frame n the arrays `<n>_depth` (uint16; 65535 is `max_depth` of `index.json`) and,
+where the network predicts them, `<n>_normals` (int16 (h, w, 3); 32767 is 1). Depth of up to 100 mm is exact
+to 0.001 mm, normals to 0.003 degrees.
 
-The truth of a part of a split is kept in the same way, with the images (`<n>_image`, uint8) and, where there
-are any, occlusions (`<n>_occlusion`, bool). There, depth 0 and normal (0, 0, 0) are unknown, and `index.json`
-has `off_axis`, the angle in degrees between each pixel's ray and the optical axis.
+The ground truth of a part of a split is stored in the same way, with the images (`<n>_image`, uint8) and, if
+there are any, occlusions (`<n>_occlusion`, bool). In it, depth 0 and normal (0, 0, 0) mean unknown, and
+`index.json` has `off_axis`, the angle in degrees between each pixel's ray and the optical axis.
 """
 
 import json
@@ -32,8 +32,8 @@ class PredictionWriter:
     """Writes the predictions of frames in the order of their videos.
 
     Args:
-        folder: where the files go; what an earlier writing left there is replaced, and nothing else.
-        facts: what `index.json` says of them: `max_depth` in mm among others.
+        folder: where the files go; predictions that are stored there are replaced, and nothing else.
+        facts: the content of `index.json`: `max_depth` in mm, among others.
     """
 
     def __init__(self, folder: Path, facts: Mapping[str, Any]) -> None:
@@ -54,17 +54,24 @@ class PredictionWriter:
         image: np.ndarray | None = None,
         occlusion: np.ndarray | None = None,
     ) -> None:
-        """Append a frame: depth (h, w) in mm, normals (h, w, 3) of unit length, image (h, w, 3) in [0, 1].
+        """Append a frame.
+
+        Args:
+            video: name of the video.
+            frame: number of the frame in its video.
+            depth: (h, w) in mm.
+            normals: (h, w, 3), of unit length.
+            image: (h, w, 3) in [0, 1], stored with the ground truth.
+            occlusion: (h, w), stored with the ground truth: True where another surface lies behind the
+                visible one.
 
         Raises:
             UserError: a number is not finite, or a file of others is in the way.
-
-        With the truth, `occlusion` (h, w) is True where another surface lies behind the seen one.
         """
-        for what, values in (("depth", depth), ("normals", normals)):
+        for name, values in (("depth", depth), ("normals", normals)):
             if values is not None and not np.isfinite(values).all():
                 raise UserError(
-                    f"{what} of {video}, frame {frame}, is not finite: the network's weights are damaged, or "
+                    f"{name} of {video}, frame {frame}, is not finite: the network's weights are damaged, or "
                     "of a training that diverged"
                 )
         if video != self.video:
@@ -72,7 +79,7 @@ class PredictionWriter:
             self.video = video
             self.owned.claim(f"{video}.npz")
             partial = self.folder / f"{video}.npz.partial"
-            partial.parent.mkdir(parents=True, exist_ok=True)  # names of videos may have folders in them
+            partial.parent.mkdir(parents=True, exist_ok=True)  # names of videos may contain folders
             self.archive = zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED, compresslevel=1)
         codes = np.round(depth.clip(0, self.facts["max_depth"]) / self.facts["max_depth"] * DEPTH_STEPS)
         self._put(f"{frame}_depth", codes.astype(np.uint16))
@@ -84,15 +91,15 @@ class PredictionWriter:
             self._put(f"{frame}_occlusion", occlusion.astype(np.bool_))
 
     def finish(self) -> None:
-        """Close the last video and say in `index.json` that all is there."""
+        """Close the last video and write `index.json`, which marks the predictions as complete."""
         self._close()
         self.owned.claim(INDEX)
         write_whole(self.folder / INDEX, json.dumps(self.facts, indent=2) + "\n")
 
     def give_up(self) -> None:
-        """Remove the file that was begun, after whatever went wrong or was asked to end."""
+        """Remove the partial file of the current video, after an error or a stop."""
         if self.archive is not None:
-            with suppress(OSError, ValueError):  # a disk that is full, an entry that was begun
+            with suppress(OSError, ValueError):  # a full disk, or an entry that is still open
                 self.archive.close()
             (self.folder / f"{self.video}.npz.partial").unlink(missing_ok=True)
             self.archive = None
@@ -110,7 +117,7 @@ class PredictionWriter:
 
 
 def owned_predictions(folder: Path) -> Owned:
-    """Which files of a folder are predictions that this program wrote; older ones have no list."""
+    """Return the predictions in a folder that this program wrote; some have no list and are added to one."""
     owned = Owned(folder, "predictions", "predictions")
     if not owned.names and {"max_depth", "split"} <= (read_facts(folder) or {}).keys():
         videos = dict.fromkeys(video for video, _ in StoredPredictions(folder).frames())
@@ -147,7 +154,7 @@ class StoredPredictions:
             raise DataError(f"{path}: predictions cannot be read ({reason}); make them again") from None
 
     def read(self, video: str, frame: int) -> tuple[np.ndarray, np.ndarray | None]:
-        """Depth (h, w) in mm, and normals (h, w, 3) where there are, float32."""
+        """Read depth (h, w) in mm and normals (h, w, 3), or None if there are none; both float32."""
         with self._opened(video) as stored:
             depth = stored[f"{frame}_depth"].astype(np.float32) / DEPTH_STEPS * self.facts["max_depth"]
             name = f"{frame}_normals"
@@ -155,32 +162,32 @@ class StoredPredictions:
         return depth, normals
 
     def read_image(self, video: str, frame: int) -> np.ndarray:
-        """RGB (h, w, 3) in [0, 1], where images are kept."""
+        """Read the RGB image (h, w, 3) in [0, 1] of a frame whose image is stored."""
         with self._opened(video) as stored:
             image: np.ndarray = stored[f"{frame}_image"].astype(np.float32) / 255
         return image
 
     def read_occlusion(self, video: str, frame: int) -> np.ndarray | None:
-        """Where another surface lies behind (h, w), or None where that is not kept."""
+        """Read the mask (h, w) of pixels with another surface behind the visible one; None if not stored."""
         with self._opened(video) as stored:
             name = f"{frame}_occlusion"
             return stored[name] if name in stored.files else None
 
     def frames(self) -> list[tuple[str, int]]:
-        """Videos and frames that are kept."""
-        found = []
+        """List the stored frames as pairs (video, frame number)."""
+        frames = []
         for path in sorted(self.folder.rglob("*.npz")):
             video = path.relative_to(self.folder).with_suffix("").as_posix()
             with self._opened(video) as stored:
                 numbers = [
                     int(name.removesuffix("_depth")) for name in stored.files if name.endswith("_depth")
                 ]
-            found += [(video, number) for number in sorted(numbers)]
-        return found
+            frames += [(video, number) for number in sorted(numbers)]
+        return frames
 
 
 def read_facts(folder: Path) -> dict[str, Any] | None:
-    """What finished predictions say of themselves, or None where there are none."""
+    """Read `index.json` of finished predictions; None if the folder holds none."""
     try:
         return StoredPredictions(folder).facts
     except ValueError:

@@ -1,8 +1,8 @@
-"""A procedural colon in the format of C3VD, for tests and for learning the code without the real data.
+"""Synthetic data: a procedural colon in the format of C3VD, for tests and trials without the real data.
 
-A bending tube with folds, polyps and vessels is ray-cast through C3VD's own lens and written as C3VD's
-current release writes its videos, so that everything that reads C3VD reads the phantom. It shares no pixel
-or mesh with the data set; only the names of the videos, the lens and the file formats are the same.
+A bending tube with folds, polyps and vessels is ray-cast through C3VD's own lens and written in the format of
+C3VD's current release, so that everything that reads C3VD reads the phantom. It shares no pixel or mesh with
+the data set; only the names of the videos, the lens and the file formats are the same.
 
     render_phantom(Path("phantom"), PhantomSettings(frames_per_video=8, videos=("cecum_t1_a",)))
 """

@@ -1,4 +1,4 @@
-"""The wall of a procedural colon: a bending tube with folds, bumps and closed ends, as a triangle mesh."""
+"""Mesh of a procedural colon's wall: a bending tube with folds, bumps and closed ends."""
 
 from dataclasses import dataclass
 
@@ -10,32 +10,32 @@ from col3d.phantom.relief import Fold, bumps, fold_heights, place_folds, pouch, 
 from col3d.phantom.segments import Segment
 
 AROUND = 300
-"""Vertices of one ring."""
+"""Number of vertices in one ring."""
 ROW_STEP = 0.55
 """Distance of rings along the tube in mm, away from folds."""
 LEAN = 0.25
-"""How far folds lean along the tube, as a fraction of their height: crests hide what lies behind."""
+"""How far folds lean along the tube, relative to their height, so that crests occlude the wall behind."""
 
 
 @dataclass(frozen=True)
 class Colon:
-    """A closed mesh whose vertices form rings, with the smooth normals into the lumen."""
+    """A closed mesh whose vertices form rings, with smooth normals into the lumen."""
 
     vertices: Float32[np.ndarray, "n 3"]
     normals: Float32[np.ndarray, "n 3"]
     triangles: Int32[np.ndarray, "t 3"]
     relief: Float32[np.ndarray, " n"]
-    """How far the wall stands out into the lumen, in mm."""
+    """Height of the wall above the smooth tube, into the lumen, in mm."""
     centreline: Centreline
     segment: Segment
 
 
 def build_colon(segment: Segment, random: np.random.Generator) -> Colon:
-    """Grow one colon of a family.
+    """Build the mesh of one colon of a family.
 
     Args:
-        segment: the family.
-        random: what makes this colon differ from its relatives.
+        segment: the family of shapes.
+        random: source of random numbers, which determines this colon.
 
     Returns:
         A closed mesh in mm.
@@ -46,25 +46,25 @@ def build_colon(segment: Segment, random: np.random.Generator) -> Colon:
     theta = np.linspace(0, 2 * np.pi, AROUND, endpoint=False)
     base, inward, lean, radius = _tube(segment, centreline, rows, theta, random)
     height = fold_heights(folds, rows, theta)
-    other = bumps(segment, rows, theta, radius, random) + swell(segment, base, random)
+    bulges = bumps(segment, rows, theta, radius, random) + swell(segment, base, random)
     if segment.pouch:
-        other += pouch(rows, theta, segment)
+        bulges += pouch(rows, theta, segment)
     if segment.wrinkle:
-        other += wrinkles(segment, rows, theta, random)
-    wall = base + (height + other)[..., None] * inward + (LEAN * height)[..., None] * lean
+        bulges += wrinkles(segment, rows, theta, random)
+    wall = base + (height + bulges)[..., None] * inward + (LEAN * height)[..., None] * lean
     wall[[0, -1]] = wall[[0, -1]].mean(axis=1, keepdims=True)
     return Colon(
         vertices=wall.reshape(-1, 3).astype(np.float32),
         normals=_normals(wall).reshape(-1, 3).astype(np.float32),
         triangles=_triangles(len(rows)),
-        relief=(height + other).reshape(-1).astype(np.float32),
+        relief=(height + bulges).reshape(-1).astype(np.float32),
         centreline=centreline,
         segment=segment,
     )
 
 
 def _rows(segment: Segment, folds: list[Fold]) -> Float[np.ndarray, " n"]:
-    """Places of the rings: below 0 and beyond the length lie the caps; twice as dense at folds."""
+    """Positions of rings along the tube, twice as dense at folds; caps lie below 0 and beyond the length."""
     cap = 0.5 * np.pi * segment.radius
     fine = np.arange(-cap, segment.length + cap, 0.1)
     density = np.ones_like(fine)
@@ -81,7 +81,7 @@ def _tube(
     theta: Float[np.ndarray, " k"],
     random: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """The smooth tube: points, directions inward and along (n, k, 3), and radii (n, k)."""
+    """Build the smooth tube: points, directions inward and along it (n, k, 3), and radii (n, k)."""
     inside = np.clip(rows, 0, segment.length)
     point, tangent, aside, up = centreline.frames(inside)
     tilt = (rows - inside) / segment.radius
@@ -99,7 +99,7 @@ def _tube(
 
 
 def _normals(wall: Float[np.ndarray, "n k 3"]) -> Float[np.ndarray, "n k 3"]:
-    """Unit normals into the lumen from central differences around and along; one for all of a pole."""
+    """Compute unit normals into the lumen by central differences; all vertices of a pole share one."""
     around = np.roll(wall, -1, axis=1) - np.roll(wall, 1, axis=1)
     along = np.gradient(wall, axis=0)
     normals = np.cross(along, around)
@@ -108,7 +108,7 @@ def _normals(wall: Float[np.ndarray, "n k 3"]) -> Float[np.ndarray, "n k 3"]:
 
 
 def _triangles(rings: int) -> Int32[np.ndarray, "t 3"]:
-    """Two triangles between each four neighbours of a ring and the next."""
+    """Make two triangles for each quadrilateral between a ring and the next."""
     corner = np.arange((rings - 1) * AROUND, dtype=np.int32).reshape(rings - 1, AROUND)
     beside = np.roll(corner, -1, axis=1)
     lower = np.stack([corner, beside, corner + AROUND], axis=-1)

@@ -1,4 +1,4 @@
-"""The winding middle of the tube."""
+"""Centreline of the tube."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from col3d.phantom.segments import Segment
 
 @dataclass(frozen=True)
 class Centreline:
-    """The middle of the tube by arc length, with an upright frame across it; its blind end at 0."""
+    """The centreline by arc length in mm from the blind end, with an upright frame across it."""
 
     at: Float[np.ndarray, " n"]
     points: Float[np.ndarray, "n 3"]
@@ -18,7 +18,7 @@ class Centreline:
     pitch: Float[np.ndarray, " n"]
 
     def frames(self, s: Float[np.ndarray, " k"]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Points, tangents (away from the blind end) and two unit vectors across, each (k, 3), at `s` mm."""
+        """Return points, tangents (away from the blind end) and two unit normals, each (k, 3), at `s` mm."""
         point = np.stack([np.interp(s, self.at, self.points[:, i]) for i in range(3)], axis=-1)
         yaw, pitch = np.interp(s, self.at, self.yaw), np.interp(s, self.at, self.pitch)
         zero = np.zeros_like(yaw)
@@ -28,7 +28,7 @@ class Centreline:
 
 
 def grow_centreline(segment: Segment, random: np.random.Generator) -> Centreline:
-    """Swing the direction like a sine: the line meanders, but never turns back into itself."""
+    """Draw a centreline whose direction oscillates like a sine: it meanders without self-intersection."""
     at = np.arange(0.0, segment.length + 0.5, 0.5)
     phase, lift, period = (
         random.uniform(0, 2 * np.pi),

@@ -1,4 +1,4 @@
-"""Which faces of the wall a video has seen, as C3VD's `coverage_mesh.obj` tells it."""
+"""Coverage mesh: the faces of the wall that a video has seen, as in C3VD's `coverage_mesh.obj`."""
 
 import numpy as np
 from jaxtyping import Bool, Int
@@ -7,11 +7,11 @@ from col3d.data.datasets.coverage_mesh import CoverageMesh
 from col3d.phantom.anatomy import AROUND, Colon
 
 BLOCK = 4
-"""Quadrilaterals of the mesh along either side of one face of the file; it is seen where any of them is."""
+"""Quadrilaterals along each side of one face of the file, which counts as seen if any of them is seen."""
 
 
 class Coverage:
-    """The union of all faces that the rays of a video have met.
+    """Collects the faces that the rays of a video have hit.
 
     Args:
         colon: the wall.
@@ -25,12 +25,12 @@ class Coverage:
         )
 
     def add(self, triangles: Int[np.ndarray, " n"]) -> None:
-        """Count these triangles of the wall as seen; -1 is none."""
+        """Mark triangles of the wall as seen; -1 is ignored."""
         ring, column = np.divmod(triangles[triangles >= 0] // 2, AROUND)
         self.seen[ring // BLOCK, column // BLOCK] = True
 
     def mesh(self) -> CoverageMesh:
-        """The wall in mm, two triangles for each face."""
+        """Return the wall in mm, with two triangles for each face."""
         rings = np.append(np.arange(0, self.rings - 1, BLOCK), self.rings - 1)
         kept = self.colon.vertices.reshape(self.rings, AROUND, 3)[rings, ::BLOCK]
         around = kept.shape[1]

@@ -1,4 +1,4 @@
-"""What a video looks like: its tissue, its lamps and its sensor, as numbers that can be drawn anew."""
+"""Appearance of a video: parameters of tissue, lamps and sensor, and their randomisation."""
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
@@ -11,7 +11,7 @@ Place = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Tissue:
-    """The wall; colours as linear reflectances, lengths in mm."""
+    """Appearance of the wall; colours are linear reflectances, lengths are in mm."""
 
     mucosa: Colour
     patches: Colour
@@ -22,67 +22,67 @@ class Tissue:
     roughness: float
     shininess: float = 260.0
     softness: float = 0.15
-    """How far light under the surface reaches around edges: part of the cosine, and mm of blur."""
+    """Extent of light under the surface around edges: added to the cosine, and as blur in mm."""
     grain: float = 0.05
-    """How much the tissue's grain changes its reflectance."""
+    """Relative change of reflectance by the tissue's grain."""
     grain_size: float = 1.7
     film_size: float = 0.45
-    """Of the ripples of the wet film."""
+    """Size of the ripples of the wet film."""
     patch_size: float = 16.0
-    """Of the slowest change of colour and brightness."""
+    """Size of the slowest variation of colour and brightness."""
     unevenness: float = 0.22
-    """How much brightness changes at that size, over its mean."""
+    """Relative variation of brightness at that size."""
     vessel_spacing: float = 14.0
     """Size of the pattern of vessels."""
     vessel_width: float = 0.45
-    """Half the width of the widest vessels; capillaries have half of it."""
+    """Half the width of the widest vessels; that of capillaries is half as large."""
     mucus: float = 0.15
-    """How far a pale film spreads; at 0 it lies in the hollows of the slowest variation alone."""
+    """Extent of a pale film; at 0 it lies only at extremes of the slowest variation."""
     mucus_colour: Colour = (0.75, 0.66, 0.42)
     bubbles: int = 4
-    """Clusters of them."""
+    """Number of clusters of bubbles."""
     bubble_size: float = 1.4
-    """Radius of the largest."""
+    """Radius of the largest bubbles."""
 
 
 @dataclass(frozen=True)
 class Light:
-    """The light guides beside the lens and the light that the wall throws back."""
+    """The light guides beside the lens, and the light that the wall scatters."""
 
     lamps: tuple[Place, ...] = ((-3.2, 1.2, -0.5), (2.8, 1.6, -0.5))
-    """Places in camera axes, in mm."""
+    """Positions in camera axes, in mm."""
     powers: tuple[float, ...] = (0.5, 0.5)
     beam: float = 1.0
-    """Power of the cosine by which a lamp is weaker off its axis."""
+    """Exponent of the cosine by which a lamp weakens off its axis."""
     scatter: float = 0.5
-    """Light from the rest of the wall over the light of the lamps, at 20 mm."""
+    """Light from the rest of the wall relative to that of the lamps, at 20 mm."""
     scatter_fall: float = 2.0
-    """Power of the distance by which it falls."""
+    """Exponent of the distance by which scattered light falls."""
     shadow: float = 0.8
-    """How dark it is where a fold hides one of the lamps."""
+    """Share of a lamp's light that is lost where a fold hides it."""
 
 
 @dataclass(frozen=True)
 class Sensor:
-    """From light to pixels."""
+    """Parameters of the camera's sensor and image processing."""
 
     exposure: float = 0.55
-    """What the metered part of a frame is brought to, before the tone curve."""
+    """Level to which the metered quantile is scaled, before the tone curve."""
     metered: float = 0.75
-    """Which quantile of a frame is metered."""
+    """Quantile of a frame's brightness that is metered."""
     gamma: float = 2.2
     shoulder: float = 1.0
-    """0 clips what is too bright, 1 bends the curve towards it."""
+    """Tone curve: 0 clips highlights, 1 compresses them."""
     white: Colour = (1.0, 1.0, 1.0)
     black: float = 0.02
     vignette: float = 0.65
     blur: float = 0.0
-    """Standard deviation in pixels of a frame of C3VD's size over eight."""
+    """Standard deviation in pixels at an eighth of C3VD's resolution."""
     sharpening: float = 0.0
     noise: float = 0.008
     jpeg: int = 97
     icon: tuple[float, float] = (0.987, 0.967)
-    """Middle of the mark in the lower right corner, over the width and height of a frame."""
+    """Centre of the mark in the lower right corner, relative to the width and height of a frame."""
     icon_level: int = 235
     surround: int = 5
     """Highest grey level outside the octagon."""
@@ -90,18 +90,18 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Look:
-    """All of it."""
+    """The complete appearance of a video."""
 
     tissue: Tissue
     light: Light = Light()
     sensor: Sensor = Sensor()
 
     def varied(self, parts: Collection[str], random: Callable[[str], np.random.Generator]) -> "Look":
-        """Another video: these parts drawn around what C3VD's frames show, wide enough to hold them.
+        """Randomise parts of the look, in ranges around C3VD's frames that are wide enough to include them.
 
         Args:
-            parts: of `tissue`, `light` and `sensor`.
-            random: gives each part a source of its own, so that none depends on which others are drawn.
+            parts: names of parts to draw: `tissue`, `light` and `sensor`.
+            random: function that gives each part its own source, so that none depends on the others.
         """
         return Look(
             _varied_tissue(self.tissue, random("tissue")) if "tissue" in parts else self.tissue,
@@ -116,7 +116,7 @@ LOOKS = {
     "3": Look(Tissue((0.74, 0.22, 0.16), (0.58, 0.08, 0.06), (0.42, 0.03, 0.03), 0.55, 0.9, 4.5, 0.15)),
     "4": Look(Tissue((0.72, 0.30, 0.20), (0.68, 0.18, 0.12), (0.42, 0.08, 0.06), 0.85, 0.7, 2.5, 0.12)),
 }
-"""The four textures of a segment."""
+"""Looks of the four textures of a segment."""
 
 
 def _varied_tissue(tissue: Tissue, random: np.random.Generator) -> Tissue:
@@ -180,7 +180,7 @@ def _varied_sensor(random: np.random.Generator) -> Sensor:
 
 
 def _varied_colour(colour: Colour, random: np.random.Generator) -> Colour:
-    """Brighter or darker, greyer or fuller, each channel a little off."""
+    """Vary the brightness and saturation of a colour, and slightly each channel."""
     linear = np.asarray(colour) * np.exp(random.uniform(-0.12, 0.12, 3))
     grey = linear.mean()
     return _colour((grey + (linear - grey) * random.uniform(0.5, 1.5)) * random.uniform(0.7, 1.25))

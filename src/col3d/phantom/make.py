@@ -1,4 +1,4 @@
-"""Rendering what a phantom lacks, several videos at a time."""
+"""Rendering of a phantom's missing videos, several at a time."""
 
 from pathlib import Path
 
@@ -9,21 +9,21 @@ from col3d.phantom.write import check_root, render_video, video_is_complete
 
 
 def phantom_is_complete(root: Path, settings: PhantomSettings) -> bool:
-    """Whether `root` holds every video of these settings with every file at its full size."""
+    """Whether `root` holds every video of these settings, with all files complete."""
     return not _missing(root, settings)
 
 
 def render_phantom(
     root: Path, settings: PhantomSettings, workers: int | None = None, progress: bool = True
 ) -> None:
-    """Render the videos that `root` lacks; a partly rendered video is done anew, never trusted.
+    """Render the videos that `root` lacks; a partly rendered video is rendered again.
 
     Args:
-        root: folder of the folders of videos; made where it does not exist.
-        settings: the phantom; videos of the same settings that are already complete stay.
-        workers: processes, as many as cores when absent; the files do not depend on it. More than one needs
-            a main module that can be imported, as multiprocessing's `spawn` does.
-        progress: show a bar with the frames done and the time left.
+        root: folder of the videos' folders; created if missing.
+        settings: settings of the phantom; complete videos of the same settings are kept.
+        workers: number of processes, by default that of cores; the files do not depend on it. More than one
+            needs a main module that can be imported, as multiprocessing's `spawn` does.
+        progress: whether to show a bar with the frames done and the time left.
 
     Raises:
         DataError: `root` holds other data or videos of other settings.

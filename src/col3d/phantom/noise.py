@@ -1,4 +1,4 @@
-"""Value noise in space: smooth random fields that cost one lookup of eight corners a point."""
+"""Value noise: smooth random fields in space, interpolated from eight corners for each point."""
 
 from itertools import product
 
@@ -6,20 +6,20 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 PERIOD = 32
-"""The fields repeat after this many cells, far more than a lumen is wide; a power of two."""
+"""Number of cells after which the fields repeat, a power of two; far more than the width of a lumen."""
 
 Lattice = Float32[np.ndarray, "channels cells"]
 
 
 def random_lattice(random: np.random.Generator, channels: int) -> Lattice:
-    """Uniform values in [-1, 1] at PERIOD^3 corners."""
+    """Draw uniform values in [-1, 1] at PERIOD^3 corners."""
     return random.uniform(-1.0, 1.0, (channels, PERIOD**3)).astype(np.float32)
 
 
 def value_noise(
     points: Float[np.ndarray, "n 3"], cell: float, lattice: Lattice
 ) -> Float32[np.ndarray, "n c"]:
-    """The fields of a lattice at points, with continuous second derivatives.
+    """Interpolate the fields of a lattice at points, with continuous second derivatives.
 
     Args:
         points: positions in mm.
@@ -46,6 +46,6 @@ def value_noise(
 
 
 def smoothstep(low: float, high: float, x: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-    """0 below `low`, 1 above `high` (or the reverse where low > high), smooth between."""
+    """Smooth step: 0 below `low`, 1 above `high` (or the reverse if low > high)."""
     t = np.clip((x - low) / (high - low), 0.0, 1.0)
     return t * t * (3 - 2 * t)

@@ -1,4 +1,4 @@
-"""What stands out of the smooth tube into the lumen: folds, bumps, swellings and the cecal pole, in mm."""
+"""Relief of the wall above the smooth tube: folds, bumps, swellings and the cecal pole, in mm."""
 
 from dataclasses import dataclass
 
@@ -22,7 +22,7 @@ class Fold:
 
 
 def place_folds(segment: Segment, random: np.random.Generator) -> list[Fold]:
-    """Folds at uneven distances, each turned against the one before by about a third of a circle."""
+    """Place folds at uneven distances, each rotated from the previous one by about a third of a circle."""
     folds, at, towards = [], 0.5 * segment.fold_spacing, random.uniform(0, 2 * np.pi)
     while at < segment.length - 4:
         folds.append(
@@ -41,7 +41,7 @@ def place_folds(segment: Segment, random: np.random.Generator) -> list[Fold]:
 
 
 def fold_heights(folds: list[Fold], rows: np.ndarray, theta: np.ndarray) -> Float[np.ndarray, "n k"]:
-    """Crests of Gaussian profile along the tube that fade out around it; where two meet they add up."""
+    """Height of the folds: Gaussian profiles along the tube that fade out around it, and add up."""
     total = np.zeros((len(rows), len(theta)))
     for fold in folds:
         near = np.abs(rows - fold.at) < 5 * fold.width + 3
@@ -56,7 +56,7 @@ def fold_heights(folds: list[Fold], rows: np.ndarray, theta: np.ndarray) -> Floa
 def bumps(
     segment: Segment, rows: np.ndarray, theta: np.ndarray, radius: np.ndarray, random: np.random.Generator
 ) -> Float[np.ndarray, "n k"]:
-    """Polyps and swellings: round domes, flat plateaus with steep rims, and lobed ones like a cauliflower."""
+    """Height of polyps and swellings: round domes, flat plateaus with steep rims, and lobed shapes."""
     total = np.zeros_like(radius)
     for _ in range(int(segment.length / 14)):
         at, towards = random.uniform(-0.4 * segment.radius, segment.length), random.uniform(0, 2 * np.pi)
@@ -77,7 +77,7 @@ def bumps(
 
 
 def swell(segment: Segment, base: np.ndarray, random: np.random.Generator) -> Float[np.ndarray, "n k"]:
-    """Soft unevenness of the whole wall at two scales."""
+    """Height of the soft unevenness of the whole wall, at two scales."""
     points = base.reshape(-1, 3)
     coarse = value_noise(points, segment.swell_size, random_lattice(random, 1))
     fine = value_noise(points, 0.32 * segment.swell_size, random_lattice(random, 1))
@@ -87,7 +87,7 @@ def swell(segment: Segment, base: np.ndarray, random: np.random.Generator) -> Fl
 def wrinkles(
     segment: Segment, rows: np.ndarray, theta: np.ndarray, random: np.random.Generator
 ) -> Float[np.ndarray, "n k"]:
-    """Fine rings around the tube, uneven in distance, that come and go."""
+    """Height of fine rings around the tube, with uneven distances and varying strength."""
     spacing, phase = random.uniform(2.5, 6.0), random.uniform(0, 2 * np.pi, 4)
     wave = 2 * np.pi * rows[:, None] / spacing + 2.5 * np.sin(rows / 11 + phase[0])[:, None]
     wave = wave + 1.5 * np.sin(theta + phase[1])
@@ -96,7 +96,7 @@ def wrinkles(
 
 
 def pouch(rows: np.ndarray, theta: np.ndarray, segment: Segment) -> Float[np.ndarray, "n k"]:
-    """The cecal pole: ridges that meet at it and the dent of the appendix between two of them."""
+    """Height of the cecal pole: ridges that meet at it, and the dent of the appendix."""
     radius = segment.radius
     pole = -0.5 * np.pi * radius
     from_pole = (rows - pole)[:, None]

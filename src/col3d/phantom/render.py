@@ -1,4 +1,4 @@
-"""From a colon and poses to the files' pixels: cast the camera's rays, shade, and encode every modality."""
+"""Renderer of frames: casts the camera's rays on a colon, shades them, and encodes every modality."""
 
 from dataclasses import dataclass
 
@@ -18,14 +18,14 @@ from col3d.phantom.sensor import develop, light_of
 from col3d.phantom.shading import Hits, Mucosa, Radiance, turned
 
 GRAZING = 1e-3
-"""Least cosine at which a stored normal faces its ray; interpolated ones may turn away at outlines."""
+"""Least cosine between a stored normal and its reversed ray; interpolation alone may turn it away."""
 SHADOW_GRID = 135
-"""Least height in pixels of the grid on which shadows are cast; they are soft, for lamps have a width."""
+"""Least height in pixels of the grid on which shadows are cast; it is coarse because shadows are soft."""
 SHADED_GRID = 540
-"""Least height in pixels of the grid on which colour is found."""
+"""Least height in pixels of the grid on which colour is computed."""
 BAND = 16384
-"""Rays that are worked on at once, so that what belongs to them stays in the cache."""
-OFF_WALL = 0.02  # mm from the wall at which further rays start or end
+"""Number of rays that are processed at once, so that their data stay in the cache."""
+OFF_WALL = 0.02  # distance in mm from the wall at which secondary rays start or end
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Renderer:
         colon: the wall.
         mucosa: its surface.
         look: lamps and sensor.
-        camera: lens and size of the frames.
+        camera: camera with the lens and the size of the frames.
     """
 
     def __init__(self, colon: Colon, mucosa: Mucosa, look: Look, camera: Camera) -> None:
@@ -78,20 +78,18 @@ class Renderer:
         """Render one frame.
 
         Args:
-            pose: from camera axes to the world.
-            previous: that of the frame before.
+            pose: pose of the frame, camera to world.
+            previous: pose of the previous frame.
             random: source of the sensor's noise.
 
         Returns:
-            The frame, and the points that it sees.
+            The frame, and the points of the wall that it sees.
         """
         hits = self.cast(pose)
         distance = np.sqrt(np.einsum("ni,ni->n", hits.points, hits.points))
         light = self._light(hits, distance, pose)
         hit = hits.triangle >= 0
-        depth = np.clip(
-            hits.points[:, 2] * (FULL_CODE / MAX_DEPTH), 0, FULL_CODE
-        )  # cast below: codes are cut
+        depth = np.clip(hits.points[:, 2] * (FULL_CODE / MAX_DEPTH), 0, FULL_CODE)  # the cast below truncates
         normals = (hits.normals + 1) * (FULL_CODE / 2) * hit[:, None]
         hidden = self.hides_another(hits, distance) & hit
         frame = Frame(
@@ -104,18 +102,18 @@ class Renderer:
         return frame, hits
 
     def cast(self, pose: Float64[np.ndarray, "4 4"]) -> Hits:
-        """Meet the wall along every ray inside the octagon."""
+        """Intersect every ray inside the octagon with the wall."""
         return Hits.joined([self._cast(pose, self.rays[band]) for band in self.bands])
 
     def _cast(self, pose: Float64[np.ndarray, "4 4"], seen: Float32[np.ndarray, "n 3"]) -> Hits:
         turn = pose[:3, :3].astype(np.float32)
         rays = turned(seen, turn)
         origin = np.broadcast_to(pose[:3, 3].astype(np.float32), rays.shape)
-        found = self.scene.run(np.ascontiguousarray(origin), rays, output=True)
-        triangle = found["primID"]
+        result = self.scene.run(np.ascontiguousarray(origin), rays, output=True)
+        triangle = result["primID"]
         met = np.maximum(triangle, 0)
-        distance = np.where(triangle >= 0, found["tfar"], np.float32(MAX_DEPTH))[:, None]
-        u, v = found["u"], found["v"]
+        distance = np.where(triangle >= 0, result["tfar"], np.float32(MAX_DEPTH))[:, None]
+        u, v = result["u"], result["v"]
         weights = np.stack([1 - u - v, u, v], axis=1)
         values = np.einsum("nk,nkc->nc", weights, self.corners.take(met, axis=0))
         facing = np.ascontiguousarray(values[:, :3])
@@ -133,7 +131,7 @@ class Renderer:
     def _light(
         self, hits: Hits, distance: Float32[np.ndarray, " n"], pose: Float64[np.ndarray, "4 4"]
     ) -> Float32[np.ndarray, "h w 3"]:
-        """Linear light of a frame; one of C3VD's own size is shaded at every second pixel, and enlarged."""
+        """Compute the linear light of a frame; C3VD's size is shaded at half resolution and enlarged."""
         lit, step = self._lit(hits, pose), max(self.size_hw[0] // SHADED_GRID, 1)
         grid, chosen = self._every(step)
         seen, lit, pixel = hits.band(chosen), lit[chosen], step * self.pixel
@@ -149,25 +147,25 @@ class Renderer:
         return self._enlarged(picture, step) / known[..., None] * self.shown[..., None]
 
     def _every(self, step: int) -> tuple[Bool[np.ndarray, "h w"], Int[np.ndarray, " k"]]:
-        """Pixels of the octagon in every such row and column: where they are, and which of its rays."""
+        """Select the octagon's pixels in every `step`-th row and column: mask, and indices of their rays."""
         grid = np.zeros_like(self.shown)
         grid[::step, ::step] = self.shown[::step, ::step]
         return grid, np.flatnonzero(grid[self.shown])
 
     def _enlarged(self, coarse: np.ndarray, step: int) -> np.ndarray:
-        """What was found at every such row and column, at all pixels."""
+        """Interpolate values at every `step`-th row and column to all pixels."""
         at_pixels = np.array([[step, 0, 0], [0, step, 0]], np.float32)
         return cv2.warpAffine(coarse, at_pixels, self.size_hw[::-1], borderMode=cv2.BORDER_REPLICATE)
 
     def hides_another(self, hits: Hits, distance: Float32[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
-        """Where the ray meets the wall once more behind the point it sees, at a depth of 100 mm or less."""
+        """Whether each ray hits the wall again behind its visible point, at a depth of 100 mm or less."""
         beyond = distance + OFF_WALL
         rays = turned(self.rays, hits.turn)
         start = hits.world + OFF_WALL * rays
         return self._blocked(start, rays, np.maximum(np.float32(MAX_DEPTH) / self.rays[:, 2] - beyond, 0))
 
     def _lit(self, hits: Hits, pose: Float64[np.ndarray, "4 4"]) -> Float32[np.ndarray, "n k"]:
-        """How much of each lamp reaches each point; cast on a coarse grid, for shadows of lamps are soft."""
+        """Compute the share of each lamp that reaches each point, on a coarse grid for soft shadows."""
         step = max(self.size_hw[0] // SHADOW_GRID, 1)
         grid, chosen = self._every(step)
         normals = turned(hits.normals[chosen], hits.turn)
@@ -184,16 +182,16 @@ class Renderer:
     def _spread(
         self, dark: Bool[np.ndarray, " k"], grid: Bool[np.ndarray, "h w"], step: int
     ) -> Float32[np.ndarray, " n"]:
-        """Values of the coarse grid at all pixels, softened over a cell of it."""
+        """Interpolate values of the coarse grid to all pixels, smoothed over a cell of the grid."""
         coarse, known = np.zeros(self.size_hw, np.float32), grid.astype(np.float32)
         coarse[grid] = dark
         soft, weight = (cv2.blur(part[::step, ::step], (3, 3)) for part in (coarse, known))
         return self._enlarged(soft / np.maximum(weight, 1e-3), step)[self.shown]
 
     def _flow(self, hits: Hits, previous: Float64[np.ndarray, "4 4"]) -> UInt16[np.ndarray, "n 3"]:
-        """Codes of the motion from this frame to the one before, as C3VD's renderer has them.
+        """Encode the motion from this frame to the previous one, as C3VD's renderer does.
 
-        0 where the point leaves the frame before, or another triangle is met on the way to it from there.
+        The code is 0 where the point is outside the previous frame, or occluded there by another triangle.
         """
         bands = [self._flow_of(hits.band(b), self.places[b], previous) for b in self.bands]
         return np.concatenate(bands)
@@ -220,14 +218,14 @@ class Renderer:
     def _blocked(
         self, origin: np.ndarray, direction: np.ndarray, length: Float32[np.ndarray, " n"]
     ) -> Bool[np.ndarray, " n"]:
-        """Whether anything lies on these ways."""
-        found = self.scene.run(
+        """Whether rays of these lengths are blocked by the wall."""
+        result = self.scene.run(
             np.ascontiguousarray(origin, np.float32),
             np.ascontiguousarray(direction, np.float32),
             dists=np.ascontiguousarray(length, np.float32),
             query="OCCLUDED",
         )
-        return np.asarray(found) >= 0
+        return np.asarray(result) >= 0
 
     def _image(self, pixels: np.ndarray) -> np.ndarray:
         image = np.zeros((*self.size_hw, *pixels.shape[1:]), pixels.dtype)
@@ -242,7 +240,7 @@ def _bands(count: int) -> list[slice]:
 def facing_rays(
     normals: Float32[np.ndarray, "n 3"], rays: Float32[np.ndarray, "n 3"]
 ) -> Float32[np.ndarray, "n 3"]:
-    """Unit normals, turned by as little as makes each face its ray: n . ray <= -GRAZING."""
+    """Return unit normals, rotated as little as makes each face its ray: n . ray <= -GRAZING."""
     normals = normals / np.linalg.norm(normals, axis=-1, keepdims=True)
     along = np.einsum("ni,ni->n", normals, rays)[:, None]
     excess = np.clip(along + GRAZING, 0, None)

@@ -1,43 +1,43 @@
-"""The families of shapes that the parts of the colon have."""
+"""Families of shapes, one for each segment of the colon."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 TIGHTEST = 1.4
-"""Least radius of a bend over that of the tube, whose inner side would cross itself below 1."""
+"""Least ratio of a bend's radius to the tube's; below 1 the inner side would intersect itself."""
 
 
 @dataclass(frozen=True)
 class Segment:
-    """The family of shapes of one part of the colon; lengths in mm, angles in radians."""
+    """The family of shapes of one segment of the colon; lengths in mm, angles in radians."""
 
     length: float
     radius: float
     lobe: float
-    """Part of the radius by which the cross-section is lobed."""
+    """Amplitude of the cross-section's lobes, relative to the radius."""
     bend: float
-    """Largest turn of the centreline off its mean direction."""
+    """Largest angle between the centreline and its mean direction."""
     bend_length: float
     """Length of one bend to both sides."""
     fold_spacing: float
     fold_height: float
-    """Height of folds over the radius."""
+    """Height of folds relative to the radius."""
     fold_reach: float
     """Half of the angle that a semi-lunar fold covers."""
     pouch: bool = False
     """Whether the blind end is the pouch of the cecum, with its armed fold and the orifice."""
     lobes: int = 3
-    """Corners of the cross-section and arms of the pouch's fold; the colon's three bands make three."""
+    """Number of lobes of the cross-section and of arms of the pouch's fold; three as a colon has bands."""
     swing: float = 0.07
-    """Part of the radius by which the calibre changes along the tube."""
+    """Variation of the calibre along the tube, relative to the radius."""
     wrinkle: float = 0.0
     """Height in mm of the fine rings between folds."""
     arm: float = 3.2
     """Height in mm of the arms of the pouch's fold."""
     arm_sharpness: int = 6
     flatness: float = 0.75
-    """Length of the closed ends over their radius."""
+    """Length of the closed ends relative to their radius."""
     fold_width: float = 2.45
     """Mean standard deviation in mm of a fold's profile along the tube."""
     swell: float = 1.3
@@ -45,7 +45,7 @@ class Segment:
     swell_size: float = 14.0
 
     def varied(self, random: np.random.Generator) -> "Segment":
-        """A relative, as patients and moulds differ: calibre, cross-section, bends, folds, rings and ends."""
+        """Draw a variant of the family: calibre, cross-section, bends, folds, rings and ends."""
         drawn = replace(
             self,
             length=self.length * random.uniform(0.8, 1.2),

@@ -1,4 +1,4 @@
-"""From the light of a frame to its pixels: softened by the tissue, exposed, bent, sharpened, compressed."""
+"""Camera model: softens a frame's light by the tissue, and applies exposure, tone curve, sharpening, JPEG."""
 
 import cv2
 import numpy as np
@@ -8,13 +8,13 @@ from col3d.phantom.look import Look, Sensor
 from col3d.phantom.shading import Radiance
 
 SPREAD = (1.0, 0.6, 0.4)
-"""How much of the light that wanders under the surface is red, green, blue."""
+"""Weights of red, green and blue in the light that travels under the surface."""
 NEAR = 15.0
-"""Distance in mm at which the softness of tissue is given in pixels."""
+"""Distance in mm for which the softness of tissue is converted to pixels."""
 WIDTH = 169
-"""Pixels a row of a frame of C3VD's size over eight, for which blur is given."""
+"""Width in pixels of a frame at an eighth of C3VD's resolution, for which blur is given."""
 ICON = (0.016, 0.019)
-"""Size of the mark in the lower right corner, over the width and height of a frame."""
+"""Size of the mark in the lower right corner, relative to the width and height of a frame."""
 
 Picture = Float32[np.ndarray, "h w 3"]
 Shown = Bool[np.ndarray, "h w"]
@@ -27,12 +27,12 @@ def light_of(
     look: Look,
     pixel: float,
 ) -> Picture:
-    """Linear light of a frame; light that wanders under the surface softens the edges of shading.
+    """Compute the linear light of a frame; light that travels under the surface softens the shading.
 
     Args:
-        seen: what reaches the lens, for each pixel that is shown.
-        distance: of those pixels in mm.
-        shown: the octagon.
+        seen: light that reaches the lens, for each shown pixel.
+        distance: distance of those pixels in mm.
+        shown: mask of the octagon.
         look: tissue and light.
         pixel: angle between neighbouring pixels in radians.
     """
@@ -56,13 +56,13 @@ def develop(
     sensor: Sensor,
     random: np.random.Generator,
 ) -> UInt8[np.ndarray, "h w 3"]:
-    """Pixels of a frame: vignette, metered exposure, tone curve, gamma, blur, sharpening, noise, compression.
+    """Develop a frame: vignette, metered exposure, tone curve, gamma, blur, sharpening, noise, compression.
 
     Args:
-        light: linear, zero outside the octagon.
+        light: linear light, zero outside the octagon.
         off_axis: cosine of each pixel's angle to the optical axis.
-        shown: the octagon.
-        sensor: all that is done.
+        shown: mask of the octagon.
+        sensor: parameters of the sensor.
         random: source of the noise.
     """
     light = light * (1 - sensor.vignette + sensor.vignette * off_axis)[..., None]
@@ -85,7 +85,7 @@ def develop(
 
 
 def _mark(pixels: UInt8[np.ndarray, "h w 3"], sensor: Sensor) -> None:
-    """The small frame that the processor draws into the corner."""
+    """Draw the small mark that the endoscope's processor adds to the corner."""
     (height, width), (x, y), (wide, high) = pixels.shape[:2], sensor.icon, ICON
     left, right = (round((x + side * wide / 2) * width) for side in (-1, 1))
     top, bottom = (round((y + side * high / 2) * height) for side in (-1, 1))

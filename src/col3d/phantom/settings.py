@@ -1,4 +1,4 @@
-"""What a phantom is made of: its size, length, seed and videos."""
+"""Settings of a phantom: size and number of frames, seed, and videos."""
 
 import zlib
 from dataclasses import dataclass, field
@@ -10,7 +10,7 @@ from col3d.errors import check_known
 from col3d.geometry import OmnidirectionalCamera
 
 PARTS = ("anatomy", "tissue", "light", "sensor")
-"""What every video can draw anew: the wall and the way, its surface, the lamps, and what makes pixels."""
+"""Parts that can be randomised: the wall and the trajectory, its surface, the lamps, and the sensor."""
 
 
 @dataclass(frozen=True)
@@ -18,19 +18,19 @@ class PhantomSettings:
     """Settings of a phantom data set; equal settings give equal bytes.
 
     Raises:
-        ValueError: names the setting, the rule and what came.
+        ValueError: names the setting, the rule and the value.
     """
 
     size_hw: tuple[int, int] = (270, 338)
     """Height and width of the frames in pixels; C3VD's own are 1080 x 1350."""
     frames_per_video: int = 16
-    """Frames along each trajectory; fewer frames make larger steps over the same way."""
+    """Number of frames along each trajectory; fewer frames make larger steps over the same length."""
     seed: int = 0
-    """Changes every shape, path and texture, but of videos whose names bring a seed of their own."""
+    """Seed of shapes, trajectories and textures, except for videos whose names contain their own seed."""
     randomise: tuple[str, ...] = ()
-    """Parts that every video draws anew; others are of its segment and texture. See `PARTS`."""
+    """Parts that are drawn for every video; the others are those of its segment and texture. See `PARTS`."""
     videos: tuple[str, ...] = field(default_factory=lambda: tuple(video_table()))
-    """Names of C3VD's videos to render; one that ends in `_s` and a number is grown from that seed."""
+    """Names of C3VD's videos to render; a name that ends in `_s` and a number uses that seed."""
 
     def __post_init__(self) -> None:
         if min(self.size_hw) < 16:
@@ -46,10 +46,10 @@ class PhantomSettings:
 
 
 def phantom_camera(settings: PhantomSettings) -> OmnidirectionalCamera:
-    """C3VD's lens at the size of the phantom's frames."""
+    """Return C3VD's lens at the size of the phantom's frames."""
     return OmnidirectionalCamera.c3vd().resized(settings.size_hw)
 
 
 def random_stream(seed: int, *names: str | int) -> np.random.Generator:
-    """A generator of random numbers that depends on the seed and the names alone, not on what ran before."""
+    """Make a random generator that depends only on the seed and the names, not on earlier draws."""
     return np.random.default_rng([seed, *(zlib.crc32(str(name).encode()) for name in names)])

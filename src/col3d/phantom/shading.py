@@ -1,4 +1,4 @@
-"""How the wall looks from the lens: mucosa, vessels, mucus, bubbles and wet highlights under two lamps."""
+"""Shading of the wall: mucosa, vessels, mucus, bubbles and wet highlights under two lamps."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
@@ -13,9 +13,9 @@ from col3d.phantom.noise import random_lattice, smoothstep, value_noise
 from col3d.phantom.texture import FineTexture, axis_shares
 
 THIN = 3 / 7
-"""Size of the pattern of capillaries over that of vessels."""
+"""Size of the pattern of capillaries relative to that of vessels."""
 REFERENCE = 20.0
-"""Distance in mm at which scattered light is given over the lamps'."""
+"""Distance in mm for which scattered light is given relative to that of the lamps."""
 
 Vectors = Float32[np.ndarray, "n 3"]
 Scalars = Float32[np.ndarray, " n"]
@@ -25,28 +25,28 @@ Attributes = Float32[np.ndarray, "n 8"]
 
 @dataclass(frozen=True)
 class Hits:
-    """Where the rays of a frame meet the wall, in camera axes and mm, and what is known of the wall there."""
+    """Points where the rays of a frame hit the wall, in camera axes and mm, with attributes of the wall."""
 
     points: Vectors
     normals: Vectors
     world: Vectors
     facing: Vectors
-    """Normals where the textures live, unturned and not unit."""
+    """Interpolated normals in world axes, for the textures; not of unit length."""
     attributes: Attributes
     vertex: np.ndarray
-    """Index of a vertex beside each point."""
+    """Index of a vertex near each point."""
     triangle: np.ndarray
-    """Index of the triangle; -1 where a ray meets none."""
+    """Index of the triangle; -1 where a ray hits none."""
     turn: Float32[np.ndarray, "3 3"]
-    """From camera axes to the world's; all points share it."""
+    """Rotation from camera axes to world axes, shared by all points."""
 
     def band(self, rows: slice | np.ndarray) -> "Hits":
-        """Some of the points."""
+        """Select some of the points."""
         return replace(self, **{name: getattr(self, name)[rows] for name in self._of_points()})
 
     @classmethod
     def joined(cls, bands: Sequence["Hits"]) -> "Hits":
-        """The points of several bands of one frame, in order."""
+        """Concatenate the points of several bands of one frame, in order."""
         whole = {name: np.concatenate([getattr(b, name) for b in bands]) for name in cls._of_points()}
         return replace(bands[0], **whole)
 
@@ -57,7 +57,7 @@ class Hits:
 
 @dataclass(frozen=True)
 class Radiance:
-    """Linear light that reaches the lens, in parts: what the wall scatters, and what its film mirrors."""
+    """Components of the linear light that reaches the lens: scattered by the wall, mirrored by its film."""
 
     albedo: Vectors
     diffuse: Scalars
@@ -66,17 +66,17 @@ class Radiance:
 
     @classmethod
     def joined(cls, bands: Sequence["Radiance"]) -> "Radiance":
-        """That of several bands of one frame, in order."""
+        """Concatenate the light of several bands of one frame, in order."""
         return cls(*(np.concatenate([getattr(b, field.name) for b in bands]) for field in fields(cls)))
 
 
 class Mucosa:
-    """The surface of one colon: slow variation kept at its vertices, fine variation found at each point.
+    """The surface of one colon: slow variation is stored at its vertices, fine variation computed at points.
 
     Args:
         colon: the wall.
         tissue: its texture.
-        random: what makes this surface differ from others of the texture.
+        random: source of random numbers, which determines this surface among those of the texture.
     """
 
     def __init__(self, colon: Colon, tissue: Tissue, random: np.random.Generator) -> None:
@@ -94,19 +94,19 @@ class Mucosa:
         self._bubble_at = _nearby(colon, self._bubbles)
 
     def radiance(self, hits: Hits, light: Light, lit: Float32[np.ndarray, "n k"], pixel: float) -> Radiance:
-        """What a frame sees of the wall.
+        """Compute the light that reaches the lens.
 
         Args:
-            hits: the points that it sees.
-            light: lamps, and the light that comes back from the wall.
-            lit: how much of each of the k lamps reaches each point, 0 in its shadow.
+            hits: the visible points of the wall.
+            light: lamps, and light scattered by the rest of the wall.
+            lit: share of each of the k lamps that reaches each point, 0 in its shadow.
             pixel: angle between neighbouring pixels in radians.
         """
         look, shares = self.tissue, axis_shares(hits.facing)
         grain, film = self._grain(hits.world, shares), self._film(hits.world + 0.3, shares)
         distance = np.sqrt(_dot(hits.points, hits.points))
-        of_pixel = look.film_size / (pixel * distance)
-        visible = np.clip(of_pixel, 0.25, 1.0)[:, None]  # ripples under a pixel average out
+        ripple_pixels = look.film_size / (pixel * distance)
+        visible = np.clip(ripple_pixels, 0.25, 1.0)[:, None]  # ripples under a pixel average out
         to_camera = np.ascontiguousarray(hits.turn.T)  # grain and film are fixed to the wall
         bent, rippled = (cv2.transform(field[None], to_camera)[0] for field in (grain, film))
         tissue = _unit(hits.normals + 0.5 * look.roughness * bent)
@@ -119,7 +119,7 @@ class Mucosa:
         )
 
     def _albedo(self, attributes: Attributes, grain: Vectors) -> Vectors:
-        """Linear reflectance where the wall has these attributes and this grain."""
+        """Compute the linear reflectance of points with these attributes and this grain."""
         look, (patches, tone, density, relief) = self.tissue, attributes[:, 4:].T
         part = smoothstep(0.0, 0.8, patches + 0.15 * grain[:, 0])
         colour = _mix(np.asarray(look.mucosa, np.float32), look.patches, look.patchiness * part)
@@ -138,7 +138,7 @@ class Mucosa:
         return np.clip(_mix(bare, look.mucus_colour, 0.6 * covered), 0.01, 1.0)
 
     def _domes(self, hits: Hits) -> Vectors:
-        """How bubbles bend the wet surface: towards where a sphere around their middle faces."""
+        """Compute how bubbles bend the normals of the wet surface: towards those of a sphere."""
         bend = np.zeros_like(hits.points)
         bubble = self._bubble_at.take(hits.vertex)
         near = np.flatnonzero(bubble >= 0)
@@ -158,7 +158,7 @@ def _lamplight(
     lit: Float32[np.ndarray, "n k"],
     look: Tissue,
 ) -> tuple[Scalars, Scalars]:
-    """Light of the lamps on tissue, and mirrored by its film: inverse-square, weaker off their axis."""
+    """Compute the lamps' diffuse light on tissue and highlights of its film, by the inverse-square law."""
     to_lens = -points / distance[:, None]
     diffuse, shine = np.zeros_like(distance), np.zeros_like(distance)
     wrap, power = np.float32(look.softness), np.float32(look.shininess)
@@ -173,7 +173,7 @@ def _lamplight(
 
 
 def _bubbles(colon: Colon, tissue: Tissue, random: np.random.Generator) -> Float32[np.ndarray, "b 4"]:
-    """Middles and radii in mm of bubbles that sit on the wall, a few beside each other."""
+    """Draw centres and radii in mm of bubbles on the wall, in clusters."""
     rows = []
     for _ in range(tissue.bubbles):
         middle = colon.vertices[random.integers(len(colon.vertices))]
@@ -185,16 +185,16 @@ def _bubbles(colon: Colon, tissue: Tissue, random: np.random.Generator) -> Float
 
 
 def _nearby(colon: Colon, bubbles: Float32[np.ndarray, "b 4"]) -> np.ndarray:
-    """Index of a bubble that may reach the points around each vertex; -1 where none does."""
-    found = np.full(len(colon.vertices), -1, np.int32)
+    """Find the index of a bubble that may reach points around each vertex; -1 if there is none."""
+    nearest = np.full(len(colon.vertices), -1, np.int32)
     for index, (*middle, radius) in enumerate(bubbles):
         off = colon.vertices - np.asarray(middle, np.float32)
-        found[_dot(off, off) < (radius + 1.0) ** 2] = index
-    return found
+        nearest[_dot(off, off) < (radius + 1.0) ** 2] = index
+    return nearest
 
 
 def _winding_lines(colon: Colon, cell: float, random: np.random.Generator) -> Float32[np.ndarray, "v 2"]:
-    """Signed distances along the wall to the zero lines of two fields, in mm, as far as a slope tells."""
+    """Estimate signed distances in mm along the wall to the zero lines of two fields, by their slopes."""
     lattice, step = random_lattice(random, 2), np.float32(0.02 * cell)
     points = colon.vertices + 0.25 * cell * value_noise(colon.vertices, 0.5 * cell, random_lattice(random, 3))
     field = value_noise(points, cell, lattice)
@@ -205,7 +205,7 @@ def _winding_lines(colon: Colon, cell: float, random: np.random.Generator) -> Fl
 
 
 def _vessels(attributes: Attributes, density: np.ndarray, half_width: float) -> Scalars:
-    """Strength of vessels in [0, 1]; they taper where their density falls, capillaries are half as wide."""
+    """Compute the strength of vessels in [0, 1]; they taper with density, capillaries are half as wide."""
     width = half_width * smoothstep(-0.25, 0.55, density) + 1e-3
     fine = 0.5 * half_width * smoothstep(-0.1, 0.5, density) + 1e-3
     half_widths = np.stack([width, 0.65 * width, fine, 0.8 * fine], axis=1)
@@ -214,7 +214,7 @@ def _vessels(attributes: Attributes, density: np.ndarray, half_width: float) -> 
 
 
 def turned(vectors: Vectors, turn: Float32[np.ndarray, "3 3"]) -> Vectors:
-    """Each vector turned. Not a matrix product: its threads would wait on each other in every process."""
+    """Rotate each vector. This is no matrix product, whose threads would compete in every process."""
     return np.einsum("ij,nj->ni", turn, vectors)
 
 

@@ -1,26 +1,26 @@
-"""Fine texture of a wall without a map of it: a periodic picture seen along each of three axes, blended."""
+"""Triplanar texture: a periodic picture projected along each of three axes and blended."""
 
 import cv2
 import numpy as np
 from jaxtyping import Float32
 
 SIDE = 512
-"""Pixels of a picture."""
+"""Side of a picture in pixels."""
 CELL = 4
-"""Pixels of its finest detail."""
+"""Size of its finest detail in pixels."""
 ROW = 256
-"""Points looked up as one row of an image, for OpenCV takes none longer than 32767; and half a picture."""
+"""Points that are looked up as one row, because OpenCV limits an image's sides to 32767; half a picture."""
 
 Vectors = Float32[np.ndarray, "n 3"]
 
 
 class FineTexture:
-    """Smooth random fields in space, for detail too fine to be kept at vertices.
+    """Smooth random fields in space, for detail too fine to be stored at vertices.
 
     Args:
         cell: size of the detail in mm.
         channels: number of fields, at most four.
-        random: what makes these fields differ from others.
+        random: source of random numbers, which determines these fields.
     """
 
     def __init__(self, cell: float, channels: int, random: np.random.Generator) -> None:
@@ -31,7 +31,7 @@ class FineTexture:
         self.picture = np.ascontiguousarray(0.35 * smooth / smooth.std())
 
     def __call__(self, points: Vectors, shares: Vectors) -> Float32[np.ndarray, "n c"]:
-        """The fields, about in [-1, 1], at points whose normals have these shares of the three axes."""
+        """Evaluate the fields, about in [-1, 1], at points; `shares` are the weights of the three axes."""
         count = len(points)
         places = np.zeros((3, -(-count // ROW) * ROW), np.float32)
         places[:, :count] = points.T * self.scale
@@ -45,6 +45,6 @@ class FineTexture:
 
 
 def axis_shares(normals: Vectors) -> Vectors:
-    """How much the picture along each axis counts where the wall faces these ways; they add up to 1."""
+    """Compute the weights of the three axes' pictures for these normals; they add up to 1."""
     shares = np.square(np.square(normals))
     return shares / shares.sum(axis=1, keepdims=True)

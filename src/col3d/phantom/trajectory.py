@@ -1,4 +1,4 @@
-"""The way of the endoscope: withdrawn along the centreline while it sways, pans and rolls."""
+"""Trajectory of the endoscope: withdrawal along the centreline with sway, pan and roll."""
 
 import numpy as np
 from jaxtyping import Float, Float64
@@ -6,23 +6,23 @@ from jaxtyping import Float, Float64
 from col3d.phantom.anatomy import Colon
 
 CLEARANCE = 4.5
-"""Least distance in mm from the lens to the wall; where drawn folds leave less room, the middle is taken."""
+"""Least distance in mm from the lens to the wall; if folds leave less room, the centreline is taken."""
 AHEAD = 22.0
-"""Distance in mm of the point of the centreline that the endoscope is steered at."""
+"""Distance in mm along the centreline to the point that the endoscope faces."""
 SWAY = 0.55
-"""Largest distance from the centreline over the radius, before the clearance is kept."""
+"""Largest distance from the centreline relative to the radius, before it is reduced for clearance."""
 
 
 def camera_poses(
     colon: Colon, frames: int, random: np.random.Generator, free: bool = False
 ) -> Float64[np.ndarray, "n 4 4"]:
-    """Matrices from camera axes to the world along one withdrawal.
+    """Draw camera-to-world poses along one withdrawal.
 
     Args:
-        colon: where the way leads.
-        frames: their number; the way's length is the same for all numbers.
-        random: what makes this way differ from others through the same colon.
-        free: draw how far it leads, how wide it sways and how far it looks aside, up to close at the wall.
+        colon: the colon.
+        frames: number of frames; the length of the trajectory does not depend on it.
+        random: source of random numbers, which determines this trajectory.
+        free: also draw the length, the sway and the pan, so that the view may come close to the wall.
 
     Returns:
         [[R, t], [0, 1]] with p_world = R p + t in mm, facing the blind end apart from the pan.
@@ -57,7 +57,7 @@ def camera_poses(
 def _clear_positions(
     colon: Colon, at: Float[np.ndarray, " n"], sway: Float[np.ndarray, "2 n"]
 ) -> Float[np.ndarray, "n 3"]:
-    """Positions beside the centreline; the sway shrinks for the whole way until it is clear of the wall."""
+    """Compute positions beside the centreline; their sway is reduced until all are clear of the wall."""
     point, _, aside, up = colon.centreline.frames(at)
     wall = colon.vertices[::3]
     for part in (1.0, 0.8, 0.6, 0.4, 0.2, 0.0):
@@ -73,7 +73,7 @@ def _distance(wall: Float[np.ndarray, "v 3"], position: Float[np.ndarray, " 3"])
 
 
 def _look(forward: Float[np.ndarray, "n 3"], up: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:
-    """Rotations whose third column points forward and whose second points away from `up`."""
+    """Make rotations whose third column points forward and whose second points away from `up`."""
     z = forward / np.linalg.norm(forward, axis=-1, keepdims=True)
     x = np.cross(z, up)
     x /= np.linalg.norm(x, axis=-1, keepdims=True)
@@ -81,7 +81,7 @@ def _look(forward: Float[np.ndarray, "n 3"], up: Float[np.ndarray, "n 3"]) -> Fl
 
 
 def _turn(pan: Float[np.ndarray, "2 n"], roll: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3 3"]:
-    """Turns of the camera about its own axes y and x (radians), then about its optical axis."""
+    """Make rotations about the camera's own axes y and x (radians), then about its optical axis."""
     return _about(1, pan[0]) @ _about(0, pan[1]) @ _about(2, roll)
 
 

@@ -1,4 +1,4 @@
-"""A phantom on disk: videos in the format of C3VD's current release, each written whole or not at all."""
+"""Writing of a phantom's videos in the format of C3VD's current release, each complete or not at all."""
 
 import hashlib
 import json
@@ -26,7 +26,7 @@ from col3d.phantom.trajectory import camera_poses
 
 MANIFEST = "phantom.json"
 VERSION = 4
-"""Raised whenever equal settings give other pixels or files than before."""
+"""Version of the renderer, raised whenever equal settings give other pixels or files."""
 UNCOMPRESSED = (cv2.IMWRITE_TIFF_COMPRESSION, 1)
 FAST = (cv2.IMWRITE_PNG_COMPRESSION, 1)
 
@@ -34,12 +34,12 @@ FAST = (cv2.IMWRITE_PNG_COMPRESSION, 1)
 def render_video(
     root: Path, video: str, settings: PhantomSettings, frame_done: Callable[[], None] = lambda: None
 ) -> None:
-    """Render one video into a folder beside its own and put it in place when it is complete.
+    """Render one video into a temporary folder, which is put in place when it is complete.
 
     Args:
-        root: folder of the folders of videos.
-        video: its name in C3VD, with a seed behind it or without.
-        settings: of the whole phantom.
+        root: folder of the videos' folders.
+        video: name of the video in C3VD, with or without a seed.
+        settings: settings of the phantom.
         frame_done: called after each frame.
     """
     with whole_folder(root / video) as partial:
@@ -65,16 +65,16 @@ def _write_frames(
 
 @dataclass(frozen=True)
 class Scene:
-    """What the frames of a video are made from."""
+    """The scene of a video: renderer, poses and noise."""
 
     renderer: Renderer
     poses: Float64[np.ndarray, "n 4 4"]
     random: Callable[[int], np.random.Generator]
-    """Source of the sensor's noise in a frame of this number."""
+    """Function from a frame's number to the source of its sensor noise."""
 
 
 def scene_of(video: str, settings: PhantomSettings) -> Scene:
-    """The colon of a video, its surface and the way through it."""
+    """Build the scene of a video: its colon, the surface and the trajectory."""
     origin, seed = seeded_name(video, settings.seed)
     row, trajectory = video_table()[origin], origin.rsplit("_", 1)[1]
     family, look = SEGMENTS[row.segment], LOOKS[row.texture]
@@ -105,7 +105,7 @@ def _write_image(path: Path, pixels: np.ndarray, options: tuple[int, ...]) -> No
 
 
 def write_manifest(folder: Path, video: str, settings: PhantomSettings) -> None:
-    """Written last: what the folder holds and from which settings it comes."""
+    """Write the manifest with the folder's files and settings; it is written last."""
     files = {path.name: path.stat().st_size for path in sorted(folder.iterdir())}
     recipe = recipe_of(settings)
     manifest = {"video": video, "hash": recipe_hash(recipe), "settings": recipe, "files": files}
@@ -113,19 +113,19 @@ def write_manifest(folder: Path, video: str, settings: PhantomSettings) -> None:
 
 
 def recipe_of(settings: PhantomSettings) -> dict[str, Any]:
-    """What decides the bytes of a video, by name."""
-    recipe = json.loads(json.dumps({"version": VERSION, **asdict(settings)}))  # as it is read back
+    """Return the settings that determine the bytes of a video, by name."""
+    recipe = json.loads(json.dumps({"version": VERSION, **asdict(settings)}))  # as JSON reads it back
     del recipe["videos"]
     return recipe
 
 
 def recipe_hash(recipe: dict[str, Any]) -> str:
-    """A short name of a recipe."""
+    """Compute a short hash of a recipe."""
     return hashlib.sha256(json.dumps(recipe, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def read_manifest(folder: Path) -> dict[str, Any] | None:
-    """The manifest of a video's folder; None where it is missing or cut off."""
+    """Read the manifest of a video's folder; None if it is missing or broken."""
     try:
         manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -136,7 +136,7 @@ def read_manifest(folder: Path) -> dict[str, Any] | None:
 
 
 def video_is_complete(folder: Path, settings: PhantomSettings) -> bool:
-    """Whether a folder holds a video of these settings with every file at its full size."""
+    """Whether a folder holds a video of these settings, with all files at their full size."""
     manifest = read_manifest(folder)
     if manifest is None or manifest["hash"] != recipe_hash(recipe_of(settings)):
         return False
@@ -145,7 +145,7 @@ def video_is_complete(folder: Path, settings: PhantomSettings) -> bool:
 
 
 def check_root(root: Path, settings: PhantomSettings) -> None:
-    """Refuse a folder that holds anything but videos of these settings.
+    """Refuse a folder that holds other folders than videos of these settings.
 
     Raises:
         DataError: names the folder, what differs and what to do.
@@ -166,9 +166,9 @@ def _check_recipe(root: Path, folder: Path, recipe: dict[str, Any]) -> None:
     manifest = read_manifest(folder)
     if manifest is None or manifest["settings"] == recipe:
         return
-    there = manifest["settings"]
-    differing = [name for name in recipe if there.get(name) != recipe[name]]
-    listed = ", ".join(f"{name} is {there.get(name)}, not {recipe[name]}" for name in differing)
+    rendered = manifest["settings"]
+    differing = [name for name in recipe if rendered.get(name) != recipe[name]]
+    listed = ", ".join(f"{name} is {rendered.get(name)}, not {recipe[name]}" for name in differing)
     raise DataError(
         f"{root}: {folder.name} was rendered with other settings ({listed}); "
         "choose another data.root or delete this one"

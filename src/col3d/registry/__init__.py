@@ -1,6 +1,6 @@
-"""The one door for parts of an experiment: networks, losses, metrics, data sets and more by name.
+"""Registries of the parts of an experiment, by name: networks, losses, metrics, data sets and more.
 
-The signature is the schema: its parameters are the options, its defaults the only defaults.
+A part's signature is its schema: the parameters are the options, their defaults are the only defaults.
 """
 
 from col3d.registry.describe import available, describe

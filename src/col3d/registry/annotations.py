@@ -1,4 +1,4 @@
-"""What an annotation of a parameter says: its rule in words, and whether YAML can hold its values."""
+"""Reading of type annotations: the rule of a parameter in words, and whether YAML can hold its values."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, is_dataclass
@@ -16,7 +16,7 @@ CONTAINERS = (list, tuple, Sequence, dict, Mapping, Literal, Union, UnionType, A
 
 
 def rule(annotation: Any) -> str:
-    """What a value has to be, in words: its type and the bounds of pydantic or annotated-types.
+    """Describe in words what a value has to be: its type, and the bounds of pydantic or annotated-types.
 
     >>> rule(Annotated[float, Field(ge=0, lt=1)])
     'float, ge=0, lt=1'
@@ -27,10 +27,10 @@ def rule(annotation: Any) -> str:
     if origin is Literal:
         return " or ".join(map(repr, inner))
     if origin is Annotated:
-        bounds = FieldInfo.from_annotation(annotation).metadata
-        said = [asdict(bound) for bound in bounds if is_dataclass(bound) and not isinstance(bound, type)]
+        metadata = FieldInfo.from_annotation(annotation).metadata
+        bounds = [asdict(bound) for bound in metadata if is_dataclass(bound) and not isinstance(bound, type)]
         return ", ".join(
-            [rule(inner[0]), *(f"{key}={value}" for bound in said for key, value in bound.items())]
+            [rule(inner[0]), *(f"{key}={value}" for bound in bounds for key, value in bound.items())]
         )
     if annotation is NoneType:
         return "null"
@@ -43,12 +43,12 @@ def rule(annotation: Any) -> str:
 
 
 def is_group(annotation: Any) -> bool:
-    """Whether a parameter is a group of options of its own."""
+    """Whether a parameter's annotation is a group of options."""
     return isinstance(annotation, type) and issubclass(annotation, BaseModel)
 
 
 def plain(value: Any) -> Any:
-    """A default as YAML has it: tuples as lists, paths as text, options as a mapping."""
+    """Convert a default to plain values for YAML: tuples to lists, paths to text, options to a mapping."""
     if isinstance(value, BaseModel):
         value = value.model_dump()
     if isinstance(value, Mapping):
@@ -59,16 +59,16 @@ def plain(value: Any) -> Any:
 
 
 def bare(annotation: Any) -> Any:
-    """An annotation without what `Annotated` adds."""
+    """Strip `Annotated` from an annotation."""
     return get_args(annotation)[0] if get_origin(annotation) is Annotated else annotation
 
 
 def plain_part(annotation: Any) -> Any:
-    """A type without what no option can be: `float | Tensor` is a float, inside of a tuple, too."""
+    """Drop the arms of a union that no option can be: `float | Tensor` becomes float, in a tuple as well."""
     inner, origin = get_args(annotation), get_origin(annotation)
     if origin in (Union, UnionType):
         arms = [plain_part(arm) for arm in inner if is_plain_type(plain_part(arm))]
-        return Union[tuple(arms)] if arms else annotation  # noqa: UP007 - of arms that vary
+        return Union[tuple(arms)] if arms else annotation  # noqa: UP007 - the arms vary
     if origin is tuple:
         return tuple.__class_getitem__(tuple(arm if arm is Ellipsis else plain_part(arm) for arm in inner))
     return annotation

@@ -1,4 +1,4 @@
-"""What there is, in words."""
+"""Listing and description of registered parts, as text."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -13,12 +13,12 @@ from col3d.registry.schema import place_of
 
 
 def available(kind: str) -> list[str]:
-    """Names of the parts of a kind, such as "model"."""
+    """List the names of the parts of a kind, such as "model"."""
     return _registry(kind).names()
 
 
 def describe(kind: str, name: str) -> str:
-    """A part's first sentence, where it comes from, and a line for each of its options."""
+    """Describe a part: where it comes from, its first sentence, and a line for each of its options."""
     part = _registry(kind)[name]
     lines = [f"{part.kind} {part.name} ({place_of(part.build)})", part.summary, ""]
     above = KINDS[part.kind].place.format(name=part.name)
@@ -29,7 +29,7 @@ def _described(options: Mapping[str, tuple[Any, Any]], above: str) -> Iterator[s
     for name, (annotation, default) in options.items():
         if is_group(annotation):
             inside = {
-                key: (found.annotation, found.default) for key, found in annotation.model_fields.items()
+                key: (field.annotation, field.default) for key, field in annotation.model_fields.items()
             }
             yield from _described(inside, f"{above}.{name}")
         else:

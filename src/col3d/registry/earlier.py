@@ -1,4 +1,4 @@
-"""Options of runs of earlier versions, in today's form."""
+"""Conversion of options that earlier versions wrote to the current names and structure."""
 
 from typing import Any
 
@@ -9,13 +9,13 @@ TERMS = {
     "normals": {"l1": "normal_l1", "l2": "normal_rmse"},
     "consistency": {"rmse": "cross_task_rmse", "l1": "cross_task_l1"},
 }
-"""What the terms of a loss were called, in the order of their weights, until they had names of their own."""
+"""Terms that the values of a loss without named terms stand for, in the order of its lambdas."""
 
 WITHOUT_RELEASE = ("simcol3d", "folder")
-"""Data sets of one release, which were told one all the same."""
+"""Data sets with one release, whose option `release` is dropped."""
 
 NAMES = {"house": "standard"}
-"""What choices were called: of protocols, of axes of normals, of heads."""
+"""Old names of choices and their current ones: protocols, axes of normals, heads."""
 
 ADDED: dict[str, Any] = {
     "model.heads": "standard",
@@ -27,14 +27,14 @@ ADDED: dict[str, Any] = {
     "optimizer.dampening": 0,
     "trainer.num_nodes": 1,
 }
-"""Options added later, with the value that earlier runs implicitly used."""
+"""Options that a run may lack, with the value that such runs implicitly used."""
 
 
 def updated(options: dict[str, Any]) -> dict[str, Any]:
-    """Options of a run as `train.py` writes them now.
+    """Convert options of a run to the form that `train.py` writes.
 
     Args:
-        options: of `config.yaml` or of a checkpoint, of any version; what is not understood is left as it is.
+        options: from `config.yaml` or a checkpoint of any version; what is not understood is left unchanged.
 
     >>> updated({"loss": {"depth": "silog", "normals": "l2", "lambdas": [0.5, 0.5]}})["loss"]["terms"]
     {'depth': {'term': 'silog', 'from_epoch': 0}, 'normals': {'term': 'normal_rmse', 'from_epoch': 0}}
@@ -62,7 +62,7 @@ def updated(options: dict[str, Any]) -> dict[str, Any]:
 
 
 def _protocols(given: dict[str, Any]) -> dict[str, Any]:
-    """Protocols by today's names.
+    """Rename protocols and their choices to the current names.
 
     >>> _protocols({"house": {"normal_axes": "house", "scaling": "none"}})
     {'standard': {'normal_axes': 'standard', 'scaling': 'none'}}
@@ -76,7 +76,7 @@ def _protocols(given: dict[str, Any]) -> dict[str, Any]:
 
 
 def _data(options: dict[str, Any]) -> dict[str, Any]:
-    """Options of a data set, without those that all had until each had its own."""
+    """Drop options that a data set lacks and that hold their default, also in `test` and `also`."""
     also = options.get("also")
     inside = {name: _data(source) for name, source in also.items()} if isinstance(also, dict) else also
     test = options.get("test")
@@ -92,7 +92,7 @@ def _data(options: dict[str, Any]) -> dict[str, Any]:
 
 
 def _with_loggers(options: dict[str, Any]) -> dict[str, Any]:
-    """Loggers by their names: one alone was told by `name` until there could be several.
+    """Convert a single logger, given by its option `name`, to a mapping of loggers by name.
 
     >>> _with_loggers({"logger": {"name": "wandb", "project": "p", "offline": True}})
     {'logger': {'wandb': {'project': 'p', 'offline': True}}}

@@ -1,4 +1,4 @@
-"""Types of options that several rooms share."""
+"""Types of options that several packages share."""
 
 from typing import Annotated, Literal
 
@@ -6,4 +6,4 @@ from pydantic import Field
 
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Accelerator = Literal["auto", "cpu", "gpu", "cuda"]
-"""What a program computes on; `auto` is a GPU where there is one."""
+"""Device to compute on; `auto` is a GPU if there is one."""

@@ -1,4 +1,4 @@
-"""The kinds of parts there are."""
+"""The registries, one for each kind of part."""
 
 from pydantic import Field
 
@@ -63,7 +63,7 @@ DATASETS = Registry(
     ),
 )
 COUNTS = ("total_steps", "total_iters", "T_max")
-"""Parameters of schedules that are as long as the training unless they are given."""
+"""Parameters of schedules that default to the length of the training."""
 SCHEDULERS = Registry(
     "scheduler",
     ("col3d.training.schedulers",),

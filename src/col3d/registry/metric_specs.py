@@ -1,6 +1,6 @@
-"""What is said of each metric, once: its task, unit and direction, its headings, and how it is averaged.
+"""Specifications of metrics: task, unit, direction, headings, and how each is averaged.
 
-Nothing here computes anything, so that reports, which know no torch, read the same table as the scorer.
+Nothing here computes anything, so that reports, which do not import torch, share this table with the scorer.
 """
 
 from collections.abc import Iterable, Mapping
@@ -13,37 +13,37 @@ TASKS = ("depth", "normals")
 DIRECTIONS = ("lower", "higher", None)
 OVER_PIXELS = ("mean", "root", None)
 COUNTS = ("pixels", "normal_pixels")
-"""What a score says beside metrics: how many pixels it counted."""
+"""Columns of a score beside the metrics: the number of pixels that it counted."""
 RESERVED = (
     *("model", "seed", "data", "split", "video", "segment", "texture", "frame", "protocol"),
     *(*COUNTS, "frames", "epoch", "step"),
 )
-"""Names of other columns and entries of the files that metrics stand in."""
+"""Names of other columns and entries in the files that hold metrics."""
 
 
 @dataclass(frozen=True)
 class MetricSpec:
-    """A metric as files, tables and figures need to know it; the defaults are those of a plugin's metric.
+    """Specification of a metric for files, tables and figures; the defaults suit a plugin's metric.
 
     Attributes:
-        name: in `per_frame.csv`, `metrics.csv` (`val/<name>`) and `summary.json`.
-        task: "depth" or "normals": what it is measured on; "" where nobody knows.
-        better: "lower", "higher", or None where neither is, and no row of a table is best.
-        unit: of the printed value, after `scale`.
-        heading: in tables and figures; the name where it is empty.
-        latex: likewise, in LaTeX's words; the heading where it is empty.
+        name: name of the metric in `per_frame.csv`, `metrics.csv` (`val/<name>`) and `summary.json`.
+        task: what it is measured on, "depth" or "normals"; "" if unknown.
+        better: "lower", "higher", or None if neither is better; then no row of a table is best.
+        unit: unit of the printed value, after `scale`.
+        heading: heading in tables and figures; if empty, the name.
+        latex: heading in LaTeX; if empty, `heading`.
         decimals: digits after the point in tables.
-        scale: what values are multiplied by in tables: 100 for shares in percent.
-        over_pixels: what `average=pixel` does with the values of frames: "mean" weighs each by its pixels,
-            "root" does so with its square, None leaves the metric out: its value is not one of pixels.
+        scale: factor for values in tables: 100 for shares in percent.
+        over_pixels: how `average=pixel` averages the values of frames: "mean" weights each by its pixels,
+            "root" does so with its square, None leaves the metric out because it is no mean over pixels.
         in_validation: whether it is measured after every epoch of a training, as `val/<name>`.
-        undefined: whether NaN says that a frame has no such value, which is then not counted; otherwise NaN
-            is an error of the prediction, and stays.
-        short: heading on screen, with the unit; values there are not scaled.
+        undefined: whether NaN means that a frame has no value and is not counted; otherwise NaN is an error
+            of the prediction and is kept.
+        short: heading on screen, with the unit; values on screen are not scaled.
         short_decimals: digits after the point on screen.
-        on_screen: whether it stands in the table that a run prints.
-        by_video: whether it stands in tables by video.
-        further: whether it stands in the table of further metrics instead of the main one.
+        on_screen: whether it is in the table that a run prints.
+        by_video: whether it is in tables by video.
+        further: whether it is in the table of further metrics instead of the main one.
     """
 
     name: str
@@ -80,16 +80,16 @@ class MetricSpec:
         return self.decimals if self.short_decimals is None else self.short_decimals
 
     def plain(self) -> dict[str, Any]:
-        """What differs from the defaults, as JSON holds it."""
+        """Return the fields that differ from their defaults, as plain values for JSON."""
         usual = MetricSpec(self.name)
         return {key: value for key, value in asdict(self).items() if value != getattr(usual, key)}
 
 
 def checked_spec(spec: MetricSpec) -> MetricSpec:
-    """A spec that files and tables can hold.
+    """Return a spec after checking that files and tables can hold it.
 
     Raises:
-        ValueError: names what breaks a rule.
+        ValueError: names the field that breaks a rule.
     """
     where = f"register_metric: {spec.name}"
     if spec.name in RESERVED or spec.name == "loss" or spec.name.startswith("loss_"):
@@ -109,44 +109,44 @@ def checked_spec(spec: MetricSpec) -> MetricSpec:
 
 
 def specs_from(recorded: Mapping[str, Mapping[str, Any]]) -> dict[str, MetricSpec]:
-    """Specs as `summary.json` keeps them; fields that later versions add are left aside."""
+    """Read specs as `summary.json` holds them; unknown fields, of later versions, are ignored."""
     known = {field.name for field in fields(MetricSpec)} - {"name"}
     return {
-        name: MetricSpec(name, **{key: value for key, value in said.items() if key in known})
-        for name, said in recorded.items()
+        name: MetricSpec(name, **{key: value for key, value in values.items() if key in known})
+        for name, values in recorded.items()
     }
 
 
 def by_name(specs: Iterable[MetricSpec]) -> dict[str, MetricSpec]:
-    """Specs by the names of the metrics, in their order."""
+    """Return specs as a dict by name, in their order."""
     return {spec.name: spec for spec in specs}
 
 
 def unknown(name: str) -> MetricSpec:
-    """The spec of a column that nobody said anything of: its name, and nothing is best."""
+    """Return the spec of a column without one: only its name is known, and no value is best."""
     return MetricSpec(name, task="", over_pixels=None)
 
 
-def _ours(name: str, better: str, **said: Any) -> MetricSpec:
-    """Where a frame counts pixels it has a value; tables of videos show those that say so."""
-    return MetricSpec(name, better=better, **{"undefined": False, "by_video": False, **said})
+def _ours(name: str, better: str, **fields_set: Any) -> MetricSpec:
+    """Build the spec of a metric that every frame has, and that is not in tables by video by default."""
+    return MetricSpec(name, better=better, **{"undefined": False, "by_video": False, **fields_set})
 
 
-def _share(name: str, limit: str, **said: Any) -> MetricSpec:
-    """A share of the pixels whose angle is below a limit, in percent."""
+def _share(name: str, limit: str, **fields_set: Any) -> MetricSpec:
+    """Build the spec of the share of pixels whose angle is below a limit, in percent."""
     latex = rf"$\delta_{{{limit}^\circ}}$"
     words = {"heading": f"< {limit}°", "latex": latex, "short": f"< {limit} deg"}
-    return _ours(name, "higher", task="normals", scale=100.0, unit="%", **words, **said)
+    return _ours(name, "higher", task="normals", scale=100.0, unit="%", **words, **fields_set)
 
 
-def _angle(name: str, heading: str, short: str, **said: Any) -> MetricSpec:
+def _angle(name: str, heading: str, short: str, **fields_set: Any) -> MetricSpec:
     words = {"heading": heading, "latex": heading, "short": short, "short_decimals": 2}
-    return _ours(name, "lower", task="normals", unit="°", **words, **said)
+    return _ours(name, "lower", task="normals", unit="°", **words, **fields_set)
 
 
 FURTHER: dict[str, Any] = {"further": True, "on_screen": False}
 PARTIAL: dict[str, Any] = {**FURTHER, "undefined": True, "over_pixels": None, "in_validation": False}
-"""Of metrics that need not have a value in every frame, and are no means over all of its pixels."""
+"""Fields of metrics that some frames have no value of, and that are no means over all pixels of a frame."""
 RMSE_LOG = r"RMSE$_{\log}$"
 PAPER_DEPTH = (
     _ours("abs_rel", "lower", heading="Abs Rel", latex="Abs Rel", short="AbsRel", by_video=True),
@@ -175,17 +175,17 @@ PAPER_NORMALS = (
     _share("within_22_5", "22.5"),
     _share("within_30", "30"),
 )
-"""What the Col3D-MTL paper prints, in its order; of normals, and above of depth."""
+"""The metrics of the Col3D-MTL paper, in its order: normals here, depth above."""
 DELTA_1_1 = _ours("delta_1_1", "higher", heading="δ < 1.1", latex=r"$\delta_{1.1}$", on_screen=False)
 MAE = _ours("mae", "lower", unit="mm", heading="MAE", latex="MAE", **FURTHER)
 RANGES = {"near": (0.0, 30.0), "mid": (30.0, 70.0), "far": (70.0, float("inf"))}
-"""True depths in mm: at or above the first, below the second."""
+"""Ranges of ground-truth depth in mm: the first bound is included, the second is not."""
 IN_WORDS = {"near": "< 30 mm", "mid": "30 to 70 mm", "far": "≥ 70 mm"}
 IN_LATEX = {"near": r"$<30$", "mid": r"$30..70$", "far": r"$\geq70$"}
 
 
 def _in_range(spec: MetricSpec, part: str) -> MetricSpec:
-    """A metric of the pixels whose true depth is in a range."""
+    """Build the spec of a metric over the pixels whose ground-truth depth is in a range."""
     return MetricSpec(
         f"{part}_{spec.name}",
         better=spec.better,
@@ -208,4 +208,4 @@ BOUNDARY_F1 = MetricSpec(
     "boundary_f1", better="higher", heading="Boundary F1", latex="Boundary F1", by_video=False, **PARTIAL
 )
 OURS = by_name((*PAPER_DEPTH, *PAPER_NORMALS, DELTA_1_1, MAE, *DEPTH_RANGES, *FURTHER_NORMALS, BOUNDARY_F1))
-"""The metrics of this package, in the order of their columns."""
+"""Specs of this package's metrics by name, in the order of their columns."""

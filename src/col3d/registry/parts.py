@@ -1,4 +1,4 @@
-"""Parts by name, and the registry of one kind of them."""
+"""A registered part, and the registry of one kind of parts."""
 
 import functools
 import importlib
@@ -17,16 +17,16 @@ NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """What a name stands for.
+    """A registered class or function, with its name and options.
 
     Attributes:
         kind: a key of `KINDS`, such as "model".
-        name: on the command line.
+        name: name on the command line.
         build: a class or a function; its keyword parameters are the options.
-        supplied: parameters that the program gives.
-        rules: pydantic's `Field` for parameters that every part of this kind means alike, by name.
-        chooses: other groups of options that this one brings along, such as `{"loss": "silog"}`.
-        facts: what else the registration says.
+        supplied: names of parameters that the program supplies.
+        rules: pydantic's `Field` by parameter name, for parameters with one meaning in the whole kind.
+        chooses: choices in other groups of options that this part implies, such as `{"loss": "silog"}`.
+        facts: further keyword arguments of the registration.
     """
 
     kind: str
@@ -39,7 +39,7 @@ class Part:
 
     @property
     def package(self) -> str:
-        """Where it comes from: the first part of its module's name."""
+        """Top-level package that it comes from."""
         home: str = home_of(self.build).__module__
         return home.partition(".")[0]
 
@@ -49,10 +49,14 @@ class Part:
         return next(iter((home_of(self.build).__doc__ or "").strip().splitlines()), "")
 
     def made(self, value: Any, attribute: str) -> Any:
-        """What `build` gave, if it is of this kind.
+        """Return what `build` made, after checking that it is of this kind.
+
+        Args:
+            value: what `build` made.
+            attribute: name of an attribute that every part of this kind has.
 
         Raises:
-            OptionError: it lacks an attribute that every part of this kind has.
+            OptionError: it lacks the attribute.
         """
         if hasattr(value, attribute):
             return value
@@ -62,38 +66,38 @@ class Part:
         )
 
     def parameters(self) -> dict[str, tuple[Any, Any]]:
-        """Its options: annotation and default, by name."""
+        """Return the annotation and default of each of its options, by name."""
         return parameters(self.build, self.supplied)
 
     def own(self, options: Options) -> dict[str, Any]:
-        """Those among checked options that are its own, and not of every part of its kind."""
+        """Select its own options from checked options, without those of every part of its kind."""
         return {name: getattr(options, name) for name in self.parameters()}
 
     @functools.cache  # noqa: B019 - parts live as long as the program
     def options(self, base: type[Options] = Options) -> type[Options]:
-        """Its options as a pydantic model, on top of those of `base`."""
+        """Return its options as a pydantic model that extends `base`."""
         return options_of(self.build, base, self.supplied, self.rules)
 
 
 @dataclass
 class Registry:
-    """Parts of one kind.
+    """The registered parts of one kind, by name.
 
     Args:
-        kind: as on the command line, "model".
+        kind: name of the kind, such as "model".
         homes: modules whose import registers the parts of this package; a later one is imported only for a
-            name that the earlier ones do not have, or where all are listed.
-        option: where a name of one is given, as messages say it.
-        place: where the options of one are given, {name} for its name.
-        groups: of options whose choices are these parts, each with `module:function` from a part to what its
-            choice brings there.
-        supplied: parameters that the program gives to every part that has them.
-        rules: pydantic's `Field` for parameters that every part means alike, by name.
-        taken: names of options that the program has beside a part's own, which no parameter may have.
+            name that the earlier ones lack, or to list all names.
+        option: the option that names a part, for messages.
+        place: the group with a part's options; {name} stands for the part's name.
+        groups: groups of options whose choices are these parts, each with the `module:function` that maps a
+            part to the content of that group.
+        supplied: names of parameters that the program supplies to every part that has them.
+        rules: pydantic's `Field` by parameter name, for parameters with one meaning in all parts.
+        taken: names of the program's own options in that group, which no parameter may have.
 
     Attributes:
-        parts: by name.
-        refused: names of what other libraries have and does not serve here, with what to do instead.
+        parts: the registered parts by name.
+        refused: names in other libraries that are not offered here, with what to do instead.
     """
 
     kind: str
@@ -114,7 +118,7 @@ class Registry:
         chooses: Mapping[str, str] = NOTHING,
         **facts: Any,
     ) -> Any:
-        """Give a name to a class or a function; without one, a decorator that does.
+        """Register a class or a function under a name; without `build`, return a decorator that does.
 
         Raises:
             ValueError: the name is no identifier, or another part has it.
@@ -133,11 +137,11 @@ class Registry:
         part = Part(self.kind, name, build, self.supplied, self.rules, chooses, facts)
         before = self.parts.get(name)
         if before is not None and place_of(before.build) != place_of(build):
-            # whose file is whose is known by now: a plugin may be loaded before our own part of that name
-            theirs, ours = (before, part) if part.package == "col3d" else (part, before)
+            # a plugin may be loaded before the part of this package that has the name
+            renamed, kept = (before, part) if part.package == "col3d" else (part, before)
             raise ValueError(
-                f"register_{self.kind}: {name!r} is {place_of(ours.build)} already; give "
-                f"{place_of(theirs.build)} another name"
+                f"register_{self.kind}: {name!r} is {place_of(kept.build)} already; give "
+                f"{place_of(renamed.build)} another name"
             )
         if both := [option for option in part.parameters() if option in self.taken]:
             option = f"{self.place.format(name=name)}.{both[0]}"
@@ -149,7 +153,7 @@ class Registry:
         return build
 
     def find(self, name: str) -> Part | None:
-        """The part of a name, or None."""
+        """Return the part with a name, or None."""
         plugins.load()
         for home in self.homes:
             if name not in self.parts:
@@ -157,10 +161,10 @@ class Registry:
         return self.parts.get(name)
 
     def __getitem__(self, name: str) -> Part:
-        """The part of a name.
+        """Return the part with a name.
 
         Raises:
-            OptionError: nothing has that name; the nearest that is there is named.
+            OptionError: no part has that name; the message gives the nearest one.
         """
         if part := self.find(name):
             return part
@@ -172,18 +176,18 @@ class Registry:
         )
 
     def load(self, everything: bool = True) -> None:
-        """Import the parts of this package, or those alone of its first module, and those of plugins."""
+        """Import all modules in `homes`, or only the first one, and the plugins."""
         plugins.load()
         for home in self.homes if everything else self.homes[:1]:
             importlib.import_module(home)
 
     def names(self, everything: bool = True) -> list[str]:
-        """All names, those of this package first; or those alone that are known without further imports."""
+        """List all names, those of this package first; or only those that take no further imports."""
         self.load(everything)
         return sorted(self.parts, key=lambda name: (self.parts[name].package != "col3d", name))
 
     def node(self, part: Part, group: str) -> dict[str, Any]:
-        """What the choice of a part brings into a group of options: each with its default."""
+        """Return the content of a group of options when a part is chosen: every option with its default."""
         module, _, function = self.groups[group].partition(":")
         content: dict[str, Any] = getattr(importlib.import_module(module), function)(part)
         return content

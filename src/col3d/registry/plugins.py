@@ -1,7 +1,7 @@
-"""Packages of other people whose parts join those of this one.
+"""Plugins: loading of other packages that register parts.
 
-They are named on the command line (`plugins=[mylab]`), in the environment (`COL3D_PLUGINS=mylab,theirs`), or
-by an installed package itself (entry points of the group `col3d.plugins`).
+Plugins are named on the command line (`plugins=[mylab]`), in the environment (`COL3D_PLUGINS=mylab,theirs`),
+or by an installed package itself (entry points of the group `col3d.plugins`).
 """
 
 import functools
@@ -21,19 +21,19 @@ VARIABLE = "COL3D_PLUGINS"
 GROUP = "col3d.plugins"
 
 loaded: dict[str, Path] = {}
-"""Where the plugins that were imported lie, by name: a package's folder, or the file of a module alone."""
+"""Paths of the imported plugins by name: the folder of a package, or the file of a single module."""
 
 
 def load(names: Iterable[str] = ()) -> list[str]:
-    """Import plugins: those that are given, those of the environment and those that are installed.
+    """Import plugins: the given ones, those of the environment and the installed ones.
 
-    Names that are given join the environment, so that processes which this one starts know them as well.
+    The given names are added to the environment, so that child processes load them as well.
 
     Returns:
-        Names of all that are loaded.
+        Names of all loaded plugins.
 
     Raises:
-        OptionError: there is no package of that name. What goes wrong inside of one keeps its traceback.
+        OptionError: there is no package of that name. Errors inside a plugin keep their traceback.
     """
     given = [*_of_environment(), *names]
     os.environ.update({VARIABLE: ",".join(dict.fromkeys(given))} if given else {})
@@ -44,32 +44,32 @@ def load(names: Iterable[str] = ()) -> list[str]:
 
 
 def configurations() -> list[Path]:
-    """Folders `conf` of the loaded plugins, which join the search path of the configuration."""
+    """List the folders `conf` of the loaded plugins, which are on the search path of the configuration."""
     return [folder / "conf" for folder in loaded.values() if (folder / "conf").is_dir()]
 
 
 def code() -> dict[str, str]:
-    """A sum over the Python files of each loaded plugin: a version need not change with the code."""
+    """Return the checksum of each loaded plugin's Python files: its version need not change with its code."""
     return {name: code_sum(place) for name, place in loaded.items()}
 
 
 def code_sum(place: Path) -> str:
-    """Of all Python files in a folder, or of the one that is named."""
+    """Compute the checksum of all Python files in a folder, or of a single file."""
     total = hashlib.blake2b(digest_size=8)
     for path in [place] if place.is_file() else sorted(place.rglob("*.py")):
-        if path.is_file():  # an editor's lock is a link to nowhere
+        if path.is_file():  # an editor's lock file is a broken link
             total.update(f"{path.relative_to(place).as_posix()}\0".encode() + path.read_bytes())
     return total.hexdigest()
 
 
 def versions() -> dict[str, str]:
-    """Versions of the loaded plugins; "unknown" for one that is not installed."""
+    """Return the versions of the loaded plugins; "unknown" for one that is not installed."""
     distributions = importlib.metadata.packages_distributions()
-    found = {}
+    known = {}
     for name in loaded:
         owners = distributions.get(name.partition(".")[0], [])
-        found[name] = importlib.metadata.version(owners[0]) if owners else "unknown"
-    return found
+        known[name] = importlib.metadata.version(owners[0]) if owners else "unknown"
+    return known
 
 
 def _of_environment() -> list[str]:
@@ -83,7 +83,7 @@ def _installed() -> list[str]:
 
 def _imported(name: str) -> Path:
     here = str(Path.cwd())
-    if here not in sys.path:  # an installed command does not look where it is called, as `python -m` does
+    if here not in sys.path:  # unlike `python -m`, an installed command does not search the current folder
         sys.path.append(here)
     top = name.partition(".")[0]
     if top in sys.stdlib_module_names:
@@ -102,7 +102,7 @@ def _imported(name: str) -> Path:
 
 
 def _place(module: ModuleType) -> Path:
-    """Its package's folder, which need not have an `__init__.py`, or the file of one that is in none."""
+    """Return the folder of a plugin's package, with or without `__init__.py`, or a single module's file."""
     if folders := getattr(module, "__path__", None):
         return Path(next(iter(folders)))
     file = Path(module.__file__ or module.__name__)

@@ -1,4 +1,4 @@
-"""Bad input in one line: the option, the rule, what came and the nearest valid name."""
+"""Validation of options: each fault becomes one line with the option, the rule, the value and a hint."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,13 +10,13 @@ from pydantic_core import ErrorDetails
 from col3d.errors import OptionError, UserError, nearest_name
 
 BY_NAME = {"task": ("supervised", "adversarial")}
-"""Groups whose options are told apart by their name, which pydantic puts into the location of a mistake."""
+"""Groups that are unions of option classes, with the tags that pydantic puts into an error's location."""
 
 OptionsType = TypeVar("OptionsType", bound=BaseModel)
 
 
 def check_options(options: type[OptionsType], given: Mapping[str, Any]) -> OptionsType:
-    """The given options, checked.
+    """Validate the options of a program.
 
     Raises:
         UserError: one line for each option that breaks a rule.
@@ -28,7 +28,7 @@ def check_options(options: type[OptionsType], given: Mapping[str, Any]) -> Optio
 
 
 def validated(options: type[OptionsType], given: Mapping[str, Any], group: str) -> OptionsType:
-    """The options of a group, checked.
+    """Validate the options of a group.
 
     Raises:
         OptionError: one line for each that breaks a rule.
@@ -40,7 +40,7 @@ def validated(options: type[OptionsType], given: Mapping[str, Any], group: str) 
 
 
 def checked(options: type[BaseModel], given: Mapping[str, Any], group: str) -> dict[str, Any]:
-    """Keyword arguments as the options of a group convert them.
+    """Validate keyword arguments as options of a group, and return the converted values.
 
     Raises:
         OptionError: one line for each that breaks a rule.
@@ -50,11 +50,11 @@ def checked(options: type[BaseModel], given: Mapping[str, Any], group: str) -> d
 
 
 def _lines(options: type[BaseModel], error: ValidationError, group: str = "") -> str:
-    """A line for each option that breaks a rule."""
-    found: dict[str, list[ErrorDetails]] = {}
+    """Return a line for each option that breaks a rule."""
+    faults: dict[str, list[ErrorDetails]] = {}
     for detail in error.errors():
-        found.setdefault(f"{group}.{_option(detail)}".strip("."), []).append(detail)
-    return "\n".join(_line(options, option, details, group) for option, details in found.items())
+        faults.setdefault(f"{group}.{_option(detail)}".strip("."), []).append(detail)
+    return "\n".join(_line(options, option, details, group) for option, details in faults.items())
 
 
 def _option(detail: ErrorDetails) -> str:
@@ -65,13 +65,13 @@ def _option(detail: ErrorDetails) -> str:
 
 
 def _is_union_branch(part: str) -> bool:
-    """Pydantic names the branch of a union it tried inside the location."""
+    """Whether part of an error's location is the branch of a union that pydantic tried."""
     return part in ("bool", "int", "float", "str", "none") or "[" in part or part.startswith("constrained-")
 
 
 def _line(options: type[BaseModel], option: str, details: list[ErrorDetails], group: str) -> str:
-    """All that is wrong with one option: a union has a rule for each of its branches."""
-    kind, came = details[0]["type"], details[0]["input"]
+    """Describe all faults of one option in a line: a union has a rule for each of its branches."""
+    kind, value = details[0]["type"], details[0]["input"]
     if kind == "extra_forbidden":
         path, _, _ = option.rpartition(".")
         inside = path.removeprefix(group).strip(".")
@@ -87,26 +87,26 @@ def _line(options: type[BaseModel], option: str, details: list[ErrorDetails], gr
     if kind == "value_error":
         return details[0]["msg"].removeprefix("Value error, ")
     rules = [_rule(detail["msg"]) for detail in details]
-    return f"{option}: expected {' or '.join(dict.fromkeys(rules))}, got {came!r}"
+    return f"{option}: expected {' or '.join(dict.fromkeys(rules))}, got {value!r}"
 
 
-SAID = {
+RULES = {
     "a valid list": "a list in brackets, [a,b]",
     "a valid tuple": "a list in brackets, [a,b]",
     "a valid dictionary": "a mapping in braces, {a:1,b:2}",
     f"Input is not a valid path for {Path}": "a path",
 }
-"""What pydantic expects, where a command line has other words for it."""
+"""Rules of pydantic, and how they read for a command line."""
 
 
 def _rule(message: str) -> str:
-    """What pydantic expects, as it is typed on a command line."""
+    """Extract the rule from a message of pydantic, in the terms of a command line."""
     rule = message.removeprefix("Input should be ").removeprefix("List should have ")
-    return SAID.get(rule, rule)
+    return RULES.get(rule, rule)
 
 
 def _fields(options: type[BaseModel], path: list[str]) -> list[str]:
-    """Names of the options below a path."""
+    """List the names of the options below a path."""
     for name in path:
         field = options.model_fields.get(name)
         kinds = [] if field is None else [field.annotation, *get_args(field.annotation)]

@@ -1,4 +1,4 @@
-"""The doors: a decorator, or a plain call, for each kind of part."""
+"""Functions that register parts, one for each kind; each is a decorator or a plain call."""
 
 import re
 from collections.abc import Callable, Iterable, Mapping
@@ -35,18 +35,18 @@ def register_model(
 
     Args:
         name: for `model=NAME` on the command line, and for `create`.
-        build: the class, or a function that makes the network. A parameter `size_hw` is given the height and
+        build: the class, or a function that makes the network. A parameter `size_hw` receives the height and
             width of the frames.
-        loss: the file of `conf/loss` that it trains with unless another is named.
-        task: the file of `conf/task` likewise.
-        predicts: what it predicts by itself, of "depth" and "normals".
-        depth_alone: name of the network that is this one without normals, for hints.
+        loss: the file of `conf/loss` that it trains with by default.
+        task: the file of `conf/task` that it trains with by default.
+        predicts: what the network itself predicts, of "depth" and "normals".
+        depth_alone: name of the same network without normals, for hints.
         presets: defaults of options at a `preset`, where they differ from the signature's.
-        label: how reports call it; its name where it is empty.
-        colour: of its lines in figures, as "#RRGGBB"; where it is empty, reports choose one.
+        label: its name in reports; if empty, `name`.
+        colour: colour of its lines in figures, as "#RRGGBB"; if empty, reports choose one.
 
     Raises:
-        ValueError: besides what `Registry.register` says, the label is no line or the colour is no colour.
+        ValueError: as `Registry.register`; or the label is not one line, or the colour not #RRGGBB.
     """
     if not label.isprintable():
         raise ValueError(f"register_model: {name}: label: expected one line, got {label!r}")
@@ -68,10 +68,10 @@ def register_loss(
 
     Args:
         name: for `loss.terms.<entry>=NAME`.
-        build: the function. It is zero at the truth, and gives pixels outside of `batch["mask"]` no gradient.
-            A parameter `max_depth` is given the network's maximum depth in mm.
+        build: the function. It must be zero at the ground truth, and have no gradient at pixels outside of
+            `batch["mask"]`. A parameter `max_depth` receives the network's maximum depth in mm.
         needs: what the network has to predict for it, of "depth" and "normals".
-        truth: what has to be known for it beside depth: "normals".
+        truth: ground truth that it needs beside depth: "normals".
     """
     return LOSSES.register(name, build, needs=needs, truth=truth)
 
@@ -82,26 +82,26 @@ def register_metric(
     *,
     task: str = "depth",
     better: str | None = None,
-    **said: Any,
+    **spec_fields: Any,
 ) -> Any:
     """Register a metric: a function (preds, target, mask, and its options) -> one value a frame, (b,).
 
     Depth is (b, 1, h, w) in mm, normals are unit (b, 3, h, w), the mask is (b, 1, h, w), True where a pixel
-    counts. Predictions are raised to 0.001 mm and cut at the upper end of the protocol's range, unless the
-    function has parameters `min_depth` and `max_depth`, which are then given. NaN says that a frame has no
-    such value: its cell stays empty, and it is in no mean.
+    counts. Predictions are clipped to between 0.001 mm and the upper end of the protocol's range, unless the
+    function has parameters `min_depth` and `max_depth`, which it then receives. NaN means that a frame has no
+    value: its cell stays empty, and it is left out of means.
 
     Args:
-        name: of its column, and for `metrics.NAME.OPTION=VALUE`.
+        name: name of its column, and for `metrics.NAME.OPTION=VALUE`.
         build: the function.
-        task: what it is given, "depth" or "normals".
-        better: "lower", "higher", or None where neither is.
-        said: what else files and tables need to know, such as unit and heading; see `MetricSpec`.
+        task: what it is measured on, "depth" or "normals".
+        better: "lower", "higher", or None if neither is better.
+        spec_fields: further fields of `MetricSpec`, such as unit and heading.
 
     Raises:
-        ValueError: a word is unknown, or the name is that of another column.
+        ValueError: a value is unknown, or the name is that of another column.
     """
-    spec = checked_spec(MetricSpec(name, task, better, **said))
+    spec = checked_spec(MetricSpec(name, task, better, **spec_fields))
     return METRICS.register(name, build, spec=spec)
 
 
@@ -113,12 +113,13 @@ def register_metrics(specs: Iterable[MetricSpec], build: Built) -> Built:
 
 
 def register_balancer(name: str, build: Built | None = None) -> Any:
-    """Register a balancer: a class that is called with the terms of a batch and gives what is minimised.
+    """Register a balancer: a class whose instances combine the terms of a batch into the loss.
 
     Args:
         name: for `loss/balance=NAME`.
-        build: the class. What it makes is called with two dicts, the terms (scalars) and their lambdas, by
-            name; of an `nn.Module`, buffers go into checkpoints and on with the training.
+        build: the class. An instance is called with two dicts by name, the terms (scalars) and their lambdas,
+            and returns what is minimised. The buffers of an `nn.Module` are saved in checkpoints and restored
+            when the training goes on.
     """
     return BALANCERS.register(name, build)
 
@@ -130,9 +131,9 @@ def register_optimizer(
 
     Args:
         name: for `optimizer=NAME`.
-        build: the class. `lr` and `weight_decay`, where it has them, are those that schedules and
-            `optimizer.decoder_weight_decay` know.
-        defaults: of options, where they differ from the signature's.
+        build: the class. Its parameters `lr` and `weight_decay`, if any, are those that schedules and
+            `optimizer.decoder_weight_decay` change.
+        defaults: defaults of options, where they differ from the signature's.
     """
     return OPTIMIZERS.register(name, build, defaults=dict(defaults))
 
@@ -154,17 +155,17 @@ def register_dataset(
 
     Args:
         name: for `data=NAME`, `data.test=NAME` and `data.also=NAME`.
-        build: the class. It is given `root`, `videos` (entries of a split) and, if it takes it, `normals`;
-            its other parameters are the options `data.<parameter>`. Where it has a static method `lens`, the
-            name stands for that camera as well.
-        split: the file of `conf/data/split` that it comes with; `custom` leaves the parts to the user.
-        normals: `stored`, `derived` from depth, or `none`, unless told otherwise.
-        root: where it lies; the user says it unless given here.
-        defaults: of options, where they differ from the signature's.
-        label: what people call it.
-        table: its videos are those of `videos.csv`, which knows their frames and surfaces.
-        rendered: its videos are made where they are not there, as `phantom` says.
-        view: height and width -> where its lens shows anything.
+        build: the class. It receives `root`, `videos` (entries of a split) and, if it has the parameter,
+            `normals`; its other parameters are the options `data.<parameter>`. If it has a static method
+            `lens`, the name also stands for that camera.
+        split: its default file of `conf/data/split`; `custom` leaves the parts to the user.
+        normals: default source of normals: `stored`, `derived` from depth, or `none`.
+        root: default of its folder; unless given, the user has to set it.
+        defaults: defaults of options, where they differ from the signature's.
+        label: its usual name, for reports.
+        table: whether its videos are listed in `videos.csv`, with their frames and surfaces.
+        rendered: whether missing videos are rendered by `phantom`.
+        view: function from height and width to the mask of pixels that its lens shows.
     """
     facts: dict[str, Any] = {"split": split, "normals": normals, "root": root, "defaults": dict(defaults)}
     facts |= {"label": label or name, "table": table, "rendered": rendered, "view": view}
@@ -176,9 +177,9 @@ def register_scheduler(name: str, build: Built | None = None, *, interval: str =
 
     Args:
         name: for `scheduler=NAME`.
-        build: the function or class. A parameter `training` is given the length of the training, a
-            `TrainingLength`; `total_steps`, `total_iters` and `T_max` are that length unless given.
-        interval: what it is stepped after unless `scheduler.interval` says otherwise, "step" or "epoch".
+        build: the function or class. A parameter `training` receives the length of the training, a
+            `TrainingLength`; `total_steps`, `total_iters` and `T_max` default to that length.
+        interval: how often it is stepped by default, after each "step" or "epoch".
     """
     return SCHEDULERS.register(name, build, interval=interval)
 
@@ -188,7 +189,7 @@ def register_callback(name: str, build: Built | None = None) -> Any:
 
     Args:
         name: for `callbacks.more.ENTRY=NAME`.
-        build: the class. What it has to remember in a training that goes on, it gives in `state_dict`.
+        build: the class. State that a training has to restore when it goes on belongs in `state_dict`.
     """
     return CALLBACKS.register(name, build)
 
@@ -200,9 +201,9 @@ def register_logger(
 
     Args:
         name: for `logger=NAME` and `logger=[NAME,NAME]`.
-        build: the function or class. A parameter `folder` is given the run's folder; `run`, a word that is
-            the same whenever the run goes on; `config`, the options of the training as plain values.
-        needs: packages of which one has to be installed.
-        install: what `pip install` is told where none is.
+        build: the function or class. A parameter `folder` receives the run's folder; `run`, an identifier
+            that stays the same when the run goes on; `config`, the options of the training as plain values.
+        needs: packages, one of which has to be installed.
+        install: argument of `pip install` for the message if none is installed.
     """
     return LOGGERS.register(name, build, needs=needs, install=install)

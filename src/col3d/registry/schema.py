@@ -1,4 +1,4 @@
-"""Options that are checked: the signature of a class or a function as a pydantic model."""
+"""Pydantic models of options, made from the signature of a class or a function."""
 
 import collections.abc
 import functools
@@ -19,7 +19,8 @@ from col3d.registry.annotations import bare, is_group, is_plain, is_plain_type, 
 LARGEST, LARGEST_WHOLE = 1e30, 1e18
 
 CHECKERS_NAMES = {**vars(collections.abc), "Iterable": Sequence}
-"""What libraries import for annotations alone; pydantic would read an `Iterable` only when it is used."""
+"""Names that libraries import for type checkers only; an `Iterable` becomes a `Sequence` because pydantic
+validates an iterable lazily."""
 
 
 def _no_empty_path(value: Any) -> Any:
@@ -29,20 +30,20 @@ def _no_empty_path(value: Any) -> Any:
 
 
 NoneWord = BeforeValidator(lambda value: None if value == "none" else value)
-"""Lets `none` on a command line stand for null."""
+"""Validator that reads `none` on a command line as null."""
 
 
 class Options(BaseModel):
-    """Base of all groups of options: nothing that is not declared, nothing changed once checked."""
+    """Base of all option classes: undeclared options are refused, and checked ones are immutable."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, protected_namespaces=())
 
     @field_validator("*")
     @classmethod
     def _are_usable(cls, value: Any) -> Any:
-        """Numbers beyond what torch can take as float32 or as int64 would end in its own words.
+        """Refuse numbers that are too large for torch's float32 or int64, and empty text.
 
-        An empty path would be the current folder.
+        Torch's own errors do not name the option, and an empty path would be the current folder.
         """
         for text in value if isinstance(value, list) else [value]:
             if isinstance(text, str) and (not text.strip() or "\0" in text):
@@ -59,25 +60,25 @@ class SignatureError(TypeError):
 
 
 def parameters(build: Callable[..., Any], supplied: Collection[str] = ()) -> dict[str, tuple[Any, Any]]:
-    """Parameters that can be options: their annotation and default, by name.
+    """Return the annotation and default of the parameters that can be options, by name.
 
     Args:
         build: a class or a function. Parameters without an annotation take any plain value; those whose
-            default is no plain value (such as a class) are left to Python.
-        supplied: names of parameters that are given by the program.
+            default is no plain value (such as a class) are skipped and keep it.
+        supplied: names of parameters that the program supplies.
 
     Returns:
         Name to (annotation, default); a parameter without a default has pydantic's `PydanticUndefined`.
 
     Raises:
         SignatureError: a parameter has no default and no type that a value of an option can have, or an
-            annotation names what cannot be found.
+            annotation cannot be resolved.
 
     >>> def net(image, dropout: float = 0.1, *, norm: type = dict): ...
     >>> parameters(net, supplied=("image",))
     {'dropout': (<class 'float'>, 0.1)}
     """
-    found = {}
+    options = {}
     hints = _hints(build)
     for name, parameter in inspect.signature(build).parameters.items():
         rest = parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
@@ -96,8 +97,8 @@ def parameters(build: Callable[..., Any], supplied: Collection[str] = ()) -> dic
             raise SignatureError(
                 f"{place_of(build)}: parameter {name!r} must be one that can be given by name"
             )
-        found[name] = (annotation, PydanticUndefined if required else parameter.default)
-    return found
+        options[name] = (annotation, PydanticUndefined if required else parameter.default)
+    return options
 
 
 def options_of(
@@ -106,13 +107,13 @@ def options_of(
     supplied: Collection[str] = (),
     rules: Mapping[str, Any] = MappingProxyType({}),
 ) -> type[Options]:
-    """A model of the options that a callable takes, on top of those of `base`, whose rules hold for both.
+    """Make a pydantic model of a callable's options that extends `base`, whose rules hold for both.
 
     Args:
         build: a class or a function.
-        base: options that are there besides.
-        supplied: names of parameters that are given by the program.
-        rules: by name, pydantic's `Field` for parameters that are single numbers, whatever the class says.
+        base: model with further options.
+        supplied: names of parameters that the program supplies.
+        rules: pydantic's `Field` by name, added to parameters whose default is a number.
 
     Raises:
         SignatureError: as `parameters`.
@@ -131,7 +132,7 @@ def options_of(
             kind, usual = Annotated[known.annotation, known], default or known.default
         fields[name] = (kind, Field(default=usual, validate_default=True))
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # a parameter may be called as a method of pydantic's
+        warnings.simplefilter("ignore", UserWarning)  # a parameter may have the name of a pydantic method
         return create_model(home_of(build).__name__, __base__=base, **fields)
 
 
@@ -140,11 +141,11 @@ def check_names(group: str, given: Mapping[str, Any], options: type[BaseModel]) 
 
     Args:
         group: where the options are given, such as "scheduler".
-        given: the options.
-        options: those that there are.
+        given: the given options.
+        options: model of the known options.
 
     Raises:
-        OptionError: a line for each, with the nearest name.
+        OptionError: one line for each unknown option, with the nearest name.
     """
     known = [f"{group}.{name}" for name in options.model_fields]
     unknown = [f"{group}.{name}" for name in given if name not in options.model_fields]
@@ -152,13 +153,13 @@ def check_names(group: str, given: Mapping[str, Any], options: type[BaseModel]) 
         raise OptionError("\n".join(f"{name}: no such option{nearest_name(name, known)}" for name in unknown))
 
 
-def defaults(found: Mapping[str, tuple[Any, Any]]) -> dict[str, Any]:
-    """Defaults of `parameters` as YAML has them: `???` for what is needed, groups with their own inside.
+def defaults(options: Mapping[str, tuple[Any, Any]]) -> dict[str, Any]:
+    """Convert the result of `parameters` to defaults for YAML: `???` where required, groups as mappings.
 
     >>> defaults({"width": (int, 4), "height": (int, PydanticUndefined)})
     {'width': 4, 'height': '???'}
     """
-    return {name: _default(annotation, default) for name, (annotation, default) in found.items()}
+    return {name: _default(annotation, default) for name, (annotation, default) in options.items()}
 
 
 def _default(annotation: Any, default: Any) -> Any:
@@ -169,7 +170,7 @@ def _default(annotation: Any, default: Any) -> Any:
 
 
 def home_of(build: Callable[..., Any]) -> Any:
-    """The class or function that a callable is made of: what has a name, a module and a docstring.
+    """Return the class or function behind a callable, which has a name, a module and a docstring.
 
     Raises:
         SignatureError: it cannot be called.
@@ -185,7 +186,7 @@ def home_of(build: Callable[..., Any]) -> Any:
 
 
 def place_of(build: Callable[..., Any]) -> str:
-    """Where a callable comes from, as messages say it."""
+    """Return the qualified name of a callable's class or function, for messages."""
     home = home_of(build)
     return f"{home.__module__}.{home.__qualname__}"
 
@@ -197,7 +198,7 @@ def _hints(build: Callable[..., Any]) -> dict[str, Any]:
     target = home if inspect.isroutine(home) else home.__init__ if home is build else home.__call__
     with suppress(NameError):
         return get_type_hints(target, include_extras=True)
-    try:  # names that are there for type checkers alone
+    try:  # names that are imported for type checkers only
         return get_type_hints(target, localns=CHECKERS_NAMES, include_extras=True)
     except NameError as error:
         raise SignatureError(f"{place_of(build)}: {error} (in its annotations)") from None

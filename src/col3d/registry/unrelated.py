@@ -1,7 +1,7 @@
-"""Options that change nothing in the weights and numbers of a run, for its identity and for reports."""
+"""Options that do not change a run's weights and numbers, for its identity and for reports."""
 
 UNRELATED = {"overwrite", "output_dir", "logger", "objective", "plugins"}
-"""Groups and options that change nothing in the weights and numbers of a run."""
+"""Top-level groups and options without effect on the weights and numbers of a run."""
 UNRELATED_INSIDE = {
     ("data", "workers"),
     ("data", "store"),
@@ -11,3 +11,4 @@ UNRELATED_INSIDE = {
     ("callbacks", "predictions"),
     ("callbacks", "checkpoint_minutes"),
 }
+"""Options inside of groups without effect on the weights and numbers of a run."""

@@ -1,4 +1,4 @@
-"""The folder of a run: lock, status, checkpoints, what it was started with, how it goes on, its loggers.
+"""Management of a run's folder: lock, status, checkpoints, starts, resumption, loggers.
 
-What fills it is in `training`; what reads it for tables, in `reports`.
+The training that fills it is in `training`; tables that are made of it are in `reports`.
 """

@@ -1,4 +1,4 @@
-"""The checkpoint that a training goes on from, and that of its best epoch."""
+"""Lightning callbacks that write checkpoints: the last one, to resume from, and that of the best epoch."""
 
 import time
 from collections.abc import Mapping
@@ -13,43 +13,43 @@ from torch import Tensor
 from col3d.signals import Stopped, StopSignals
 
 VALIDATION = "epoch_loop.val_loop.batch_progress"
-"""Where Lightning keeps the progress of a validation, among that of its loops."""
+"""Key of the validation's progress in the state of Lightning's fit loop."""
 
 
 class LastCheckpoint(Checkpoint):
-    """Keeps all that a training needs to go on: after each epoch, every so often within, and to stop.
+    """Saves the checkpoint to resume from: after each epoch, at intervals within it, and before a stop.
 
-    It saves between two steps of the optimiser, so that no gradient is lost; in the middle of a validation it
-    saves what goes on with that validation from its beginning. Loggers write what they have first.
+    It saves between two steps of the optimiser, so that no gradient is lost. A checkpoint from the middle of
+    a validation resumes at the beginning of that validation. Loggers are saved first.
 
     Args:
-        path: of the file.
-        minutes: between two savings within an epoch; 0 saves after every step.
-        stop: what may ask for the end.
+        path: path of the file.
+        minutes: interval between two checkpoints within an epoch; 0 saves after every step.
+        stop: signals that ask the training to stop.
     """
 
     def __init__(self, path: Path, minutes: float, stop: StopSignals | None = None) -> None:
         self.path, self.seconds, self.stop = path, 60 * minutes, stop or StopSignals()
 
     def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """Hold signals back from now on, and begin to count the minutes."""
+        """Hold signals back from now on, and start the interval."""
         self.stop.hold()
         self.saved = time.monotonic()
 
     def on_train_batch_end(
         self, trainer: Trainer, pl_module: LightningModule, outputs: Any, batch: Any, batch_idx: int
     ) -> None:
-        """Save where it is time, or where it is asked to stop."""
+        """Save if the interval is over, or save and stop if a signal is pending."""
         loop = trainer.fit_loop
         if loop._should_accumulate() or loop.epoch_loop._num_ready_batches_reached():
-            return  # gradients that a step is still to use, or the end of the epoch, which saves
+            return  # gradients are being accumulated, or the end of the epoch saves
         due = time.monotonic() - self.saved >= self.seconds
-        if _any(trainer, due or self.stop.asked is not None):
+        if _any(trainer, due or self.stop.pending is not None):
             self._save(trainer)
             self._stop_if_asked(trainer)
 
     def on_validation_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """Find out how many batches all processes validate."""
+        """Find the number of batches that every process validates."""
         own = torch.tensor(sum(trainer.num_val_batches), device=pl_module.device)
         self.common_batches = int(trainer.strategy.reduce(own, reduce_op="min"))
 
@@ -62,24 +62,24 @@ class LastCheckpoint(Checkpoint):
         batch_idx: int,
         dataloader_idx: int = 0,
     ) -> None:
-        """Save and stop where it is asked for."""
-        if batch_idx < self.common_batches and _any(trainer, self.stop.asked is not None):
+        """Save and stop if a signal is pending."""
+        if batch_idx < self.common_batches and _any(trainer, self.stop.pending is not None):
             self._save(trainer)
             self._stop_if_asked(trainer)
 
     def on_train_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """Save."""
+        """Save, and stop if a signal is pending."""
         self._save(trainer)
         self._stop_if_asked(trainer)
 
     def on_train_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """All is saved: signals need not wait any more."""
+        """Release signals, because everything is saved."""
         self.stop.release()
 
     def on_save_checkpoint(
         self, trainer: Trainer, pl_module: LightningModule, checkpoint: dict[str, Any]
     ) -> None:
-        """Say of a validation that it is under way: Lightning then begins it again, and no other way."""
+        """Mark a validation as started, without which Lightning would not begin it again on resumption."""
         if trainer.validating:
             progress = checkpoint["loops"]["fit_loop"][VALIDATION]
             none = {"ready": 0, "started": 0, "processed": 0, "completed": 0}
@@ -92,25 +92,25 @@ class LastCheckpoint(Checkpoint):
         self.saved = time.monotonic()
 
     def _stop_if_asked(self, trainer: Trainer) -> None:
-        if _any(trainer, self.stop.asked is not None):
-            raise Stopped(self.stop.asked or 0)
+        if _any(trainer, self.stop.pending is not None):
+            raise Stopped(self.stop.pending or 0)
 
 
-def _any(trainer: Trainer, wish: bool) -> bool:
-    """Whether any process wishes it; all have to ask."""
-    return wish if trainer.world_size == 1 else trainer.strategy.reduce_boolean_decision(wish, all=False)
+def _any(trainer: Trainer, flag: bool) -> bool:
+    """Whether a flag is set in any process; a collective that all processes have to call."""
+    return flag if trainer.world_size == 1 else trainer.strategy.reduce_boolean_decision(flag, all=False)
 
 
 class BestCheckpoint(ModelCheckpoint):
-    """Keeps the epoch with the lowest value of a metric, of those where that is a finite number.
+    """Keeps the epoch with the lowest value of a metric; values that are not finite are ignored.
 
     Args:
-        path: of the file.
-        monitor: the metric.
+        path: path of the file.
+        monitor: name of the metric.
 
     Attributes:
-        path: of the file.
-        metrics: all that was logged of the best epoch.
+        path: path of the file.
+        metrics: all metrics that were logged in the best epoch.
     """
 
     metrics: dict[str, float]
@@ -120,7 +120,7 @@ class BestCheckpoint(ModelCheckpoint):
         self.path, self.metrics = path, {}
 
     def check_monitor_top_k(self, trainer: Trainer, current: Tensor | None = None) -> bool:
-        """Whether the epoch is among the best."""
+        """Whether the epoch is the best one so far."""
         finite = current is not None and bool(torch.as_tensor(current).isfinite())
         best = finite and super().check_monitor_top_k(trainer, current)
         if best:
@@ -128,29 +128,29 @@ class BestCheckpoint(ModelCheckpoint):
         return best
 
     def state_dict(self) -> dict[str, Any]:
-        """What a training that goes on has to know."""
+        """Return the state, with the metrics of the best epoch."""
         return super().state_dict() | {"metrics": self.metrics}
 
     def load_state_dict(self, state_dict: dict[str, Any]) -> None:
-        """The same, in whatever folder the run lies now."""
+        """Restore the state, with its paths changed to the run's current folder."""
         before = str(state_dict["dirpath"])
-        here = {key: _moved(value, before, str(self.dirpath)) for key, value in state_dict.items()}
-        self.metrics = here.pop("metrics")
-        super().load_state_dict(here)
+        state = {key: _moved(value, before, str(self.dirpath)) for key, value in state_dict.items()}
+        self.metrics = state.pop("metrics")
+        super().load_state_dict(state)
 
 
 def _moved(value: Any, before: str, now: str) -> Any:
-    """A path, or values by path, in another folder."""
+    """Replace the folder at the beginning of a path, or of a dict's keys."""
     if isinstance(value, dict):
         return {_moved(key, before, now): content for key, content in value.items()}
     return now + value.removeprefix(before) if isinstance(value, str) and value.startswith(before) else value
 
 
 class About(Callback):
-    """Writes into every checkpoint where it comes from.
+    """Writes the provenance of a checkpoint into it.
 
     Args:
-        facts: plain values; the metrics at that time are put beside them.
+        facts: plain values, to which the current metrics are added.
     """
 
     KEY = "about"
@@ -161,6 +161,6 @@ class About(Callback):
     def on_save_checkpoint(
         self, trainer: Trainer, pl_module: LightningModule, checkpoint: dict[str, Any]
     ) -> None:
-        """Add them."""
+        """Add the facts and metrics."""
         metrics = {name: value.item() for name, value in trainer.callback_metrics.items()}
         checkpoint[self.KEY] = {**self.facts, "metrics": metrics}

@@ -1,4 +1,4 @@
-"""Checkpoint files: there whole or not at all, and checked when they are read."""
+"""Reading and writing of checkpoint files: written atomically, and verified when they are read."""
 
 import errno
 import os
@@ -13,22 +13,22 @@ from typing import Any, BinaryIO
 import torch
 from lightning.fabric.plugins.io.torch_io import TorchCheckpointIO
 
-from col3d.errors import UserError, and_beneath
+from col3d.errors import UserError, error_chain
 from col3d.io.atomic import BUFFER, whole_file
 
 
 class DamagedError(Exception):
-    """A file was cut short or changed."""
+    """A checkpoint file was truncated or changed."""
 
 
 class CheckpointFiles(TorchCheckpointIO):
-    """How Lightning saves: into a file beside, which replaces the old one once it is on the disk."""
+    """Checkpoint plugin of Lightning that saves atomically, by a temporary file in the same folder."""
 
     def save_checkpoint(self, checkpoint: dict[str, Any], path: Any, storage_options: Any = None) -> None:
-        """Save, or leave what is there as it is.
+        """Save the checkpoint, or leave the previous one unchanged on failure.
 
         Raises:
-            OSError: the disk is full, or may not be written to.
+            OSError: the disk is full or not writable.
         """
         path = Path(path)
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -43,15 +43,15 @@ class CheckpointFiles(TorchCheckpointIO):
 
 
 def _cause(error: BaseException, path: Path) -> BaseException:
-    """What a full disk really raised, where torch's writer hides it behind an error of its own."""
-    for hidden in and_beneath(error):
+    """Return the OSError behind an error of torch's writer, such as that of a full disk, or the error."""
+    for hidden in error_chain(error):
         if isinstance(hidden, OSError):
             return OSError(hidden.errno, hidden.strerror, str(path))
     return error
 
 
 def _check_sums(path: Path, file: BinaryIO) -> None:
-    """Hold every byte of a checkpoint against the sums that are stored with it.
+    """Verify a checkpoint by the checksums that are stored in its archive.
 
     Raises:
         DamagedError: the file is not as it was saved.
@@ -63,11 +63,11 @@ def _check_sums(path: Path, file: BinaryIO) -> None:
 
 @contextmanager
 def _named_damage(path: Path) -> Iterator[None]:
-    """What zip and torch raise over bytes that make no sense, as damage of the file."""
+    """Convert errors of zip and torch about invalid content in the block to `DamagedError`."""
     try:
         yield
     except OSError as error:
-        if error.errno != errno.EINVAL:  # a place in the file that cannot be
+        if error.errno != errno.EINVAL:  # EINVAL: an invalid position in the file
             raise
         raise DamagedError(f"{path}: {error.strerror}") from None
     except (zipfile.BadZipFile, zlib.error, RuntimeError, EOFError, ValueError) as error:
@@ -75,11 +75,12 @@ def _named_damage(path: Path) -> Iterator[None]:
 
 
 def read_checkpoint(path: Path) -> dict[str, Any]:
-    """A checkpoint of a training, with every byte checked and opened as tensors and plain values only.
+    """Read a checkpoint of a training, after verifying it, as tensors and plain values only.
 
     Raises:
         DamagedError: the file is not as it was saved.
-        UserError: it is a file of something else, or holds what only a pickle that runs code can hold.
+        UserError: it is not a checkpoint of a training, or holds objects that only a pickle which runs code
+            can hold.
     """
     try:
         with path.open("rb", buffering=BUFFER) as file:
@@ -97,14 +98,14 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
 
 
 def _are_rows(rows: Any) -> bool:
-    """Whether these are the epochs of a training as `RowsInCheckpoints` keeps them."""
+    """Whether a value is a list of epochs' rows, as `RowsInCheckpoints` keeps them."""
     return isinstance(rows, list) and all(
         isinstance(row, dict) and isinstance(row.get("epoch"), int) for row in rows
     )
 
 
 def run_of(content: Mapping[str, Any]) -> str | None:
-    """The run that a checkpoint is of; None where it does not say."""
+    """Return the identifier of a checkpoint's run; None if it has none."""
     about = content.get("about")
-    found = about.get("run") if isinstance(about, Mapping) else None
-    return found if isinstance(found, str) else None
+    run = about.get("run") if isinstance(about, Mapping) else None
+    return run if isinstance(run, str) else None

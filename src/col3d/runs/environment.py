@@ -1,4 +1,4 @@
-"""What programs find on a machine: a device to compute on, and libraries that say too much."""
+"""Environment of programs: the device to compute on, and the warnings of libraries to silence."""
 
 import logging
 import warnings
@@ -9,13 +9,13 @@ from col3d.errors import UserError
 
 
 def quiet() -> None:
-    """Silence what Lightning says of every run, advertisements included, and one of its own deprecations."""
+    """Silence Lightning's routine messages, including advertisements, and one of its own deprecations."""
     logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)
     logging.getLogger("lightning.fabric").setLevel(logging.WARNING)
     warnings.filterwarnings("ignore", message=r".*isinstance\(treespec, LeafSpec\)")
     warnings.filterwarnings("ignore", message=".*directory .* exists and is not empty")
     warnings.filterwarnings("ignore", message=".*does not have many workers which may be a bottleneck")
-    warnings.filterwarnings("ignore", message="ReduceLROnPlateau conditioned on metric")  # no validation yet
+    warnings.filterwarnings("ignore", message="ReduceLROnPlateau conditioned on metric")  # no metric yet
     warnings.filterwarnings("ignore", message="The `srun` command is available on your system but is not")
 
 
@@ -30,6 +30,6 @@ def check_accelerator(name: str) -> None:
 
 
 def device_for(accelerator: str) -> torch.device:
-    """The device that an option `accelerator` means: auto takes a GPU where there is one."""
+    """Return the device for an option `accelerator`: auto takes a GPU if there is one."""
     on_cpu = accelerator == "cpu" or not torch.cuda.is_available()
     return torch.device("cpu" if on_cpu else "cuda")

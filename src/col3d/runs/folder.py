@@ -1,4 +1,4 @@
-"""The folder of a run: what lies there already, and what may be replaced."""
+"""The folder of a run: detect a finished or interrupted run in it, and protect what may not be replaced."""
 
 from contextlib import suppress
 from pathlib import Path
@@ -33,29 +33,32 @@ FILES = (
     *(ID, MLFLOW_ID, PAGE, BEST, LAST),
 )
 DECORATIONS = ("cost", "panels", PAGE)
-"""What is made after the result, and can be made again."""
+"""Optional outputs, which are made after the result and can be made again."""
 
 
 class RunFolder:
-    """A folder that holds nothing of a run, the finished run of these options, or one that was cut off.
+    """The folder of a run: without a run, with the finished run of these options, or with an interrupted one.
 
     Args:
-        asked: the run that is asked for.
+        request: the requested run.
 
     Attributes:
-        finished: what result.json says of the finished run of these options.
-        cut_off: the checkpoint to go on from.
-        rows: of metrics.csv, of the epochs that it has behind it.
-        starts: of the run.
-        longer: what is said of a run that is asked for more epochs than it had.
+        request: the requested run.
+        path: path of the folder.
+        finished: content of result.json, if the run of these options is finished; else empty.
+        cut_off: the checkpoint to go on from, if the run was interrupted.
+        rows: rows of metrics.csv of the epochs before that checkpoint.
+        starts: the starts of the run.
+        owned: the files of the run.
+        longer: message about a run that goes on for more epochs than it had; else empty.
 
     Raises:
-        UserError: the folder holds something else: the run of other options, while overwrite is not set, or
-            files that this program did not write.
+        UserError: the folder holds a run of other options and `overwrite` is not set, or files that this
+            program did not write.
     """
 
-    def __init__(self, asked: RunRequest) -> None:
-        self.asked, self.path = asked, asked.path
+    def __init__(self, request: RunRequest) -> None:
+        self.request, self.path = request, request.path
         self.finished: dict[str, Any] = {}
         self.cut_off: Path | None = None
         self.rows: list[dict[str, Any]] = []
@@ -66,11 +69,11 @@ class RunFolder:
             self._look()
         if not self.finished and self.cut_off is None:
             self._check_place()
-        if asked.predictions:
+        if request.predictions:
             owned_predictions(self.path / PREDICTIONS).check_place()
 
     def begin(self, start: Start) -> None:
-        """Clear away what is to be replaced and write config.yaml; a run that was cut off keeps its files."""
+        """Remove what is to be replaced, and write config.yaml; an interrupted run keeps its files."""
         self.owned.adopt(*FILES)
         if self.cut_off is None:
             self.starts.begin_anew()
@@ -80,16 +83,16 @@ class RunFolder:
         else:
             print(f"goes on from {self.cut_off}{self.longer}", flush=True)
             say_changes(self.starts.changes(start), "the last start")
-        content = yaml.safe_dump(self.asked.plain(), sort_keys=False)
+        content = yaml.safe_dump(self.request.plain(), sort_keys=False)
         write_whole(self.path / CONFIG, content)
         self.starts.add(start)
 
     def finish(self, best: dict[str, float], metrics: dict[str, float], seconds: float) -> None:
-        """Write result.json, by which the run is known to be finished."""
+        """Write result.json, which marks the run as finished."""
         self.finished = {
-            "hash": hash_of(self.asked.options),
+            "hash": hash_of(self.request.options),
             "run": self.starts.run,
-            "epochs": self.asked.epochs,
+            "epochs": self.request.epochs,
             "best": best,
             "metrics": metrics,
             "seconds": seconds,
@@ -97,31 +100,31 @@ class RunFolder:
         self.decorated(DECORATIONS)
 
     def decorated(self, undone: tuple[str, ...] | list[str]) -> None:
-        """Note which decorations are still to be made."""
-        panels = self.asked.panels
+        """Record in result.json which decorations are still to be made."""
+        panels = self.request.panels
         self.finished |= {"panels": panels, "undone": list(undone)}
         write_json(self.path / RESULT, self.finished)
 
     @property
     def undone(self) -> list[str]:
-        """Decorations that the finished run lacks, and that are asked for now."""
+        """Requested decorations that the finished run lacks."""
         lacking = {str(name) for name in self.finished.get("undone") or ()}
-        if self.finished.get("panels", self.asked.panels) < self.asked.panels:
+        if self.finished.get("panels", self.request.panels) < self.request.panels:
             lacking |= {"panels", PAGE}
-        found = [name for name in DECORATIONS if name in lacking]
-        if self.asked.predictions and not (self.path / PREDICTIONS / INDEX).is_file():
-            found.append(PREDICTIONS)
-        return found
+        names = [name for name in DECORATIONS if name in lacking]
+        if self.request.predictions and not (self.path / PREDICTIONS / INDEX).is_file():
+            names.append(PREDICTIONS)
+        return names
 
     def check_best(self, content: dict[str, Any]) -> None:
-        """Refuse a best checkpoint that another run left in this one's folder.
+        """Refuse a best checkpoint in this folder that is of another run.
 
         Raises:
             UserError: names the file.
         """
-        found = run_of(content)
+        run = run_of(content)
         changed = [option for option in self._changes(content) if option != EPOCHS]
-        if found != self.starts.run if found is not None else changed:
+        if run != self.starts.run if run is not None else changed:
             why = f"with another {', '.join(changed)}" if changed else "of the same options"
             raise UserError(
                 f"{self.path / BEST} is of another run, {why}; put this run's own back, or move it away: "
@@ -129,22 +132,23 @@ class RunFolder:
             )
 
     def _look(self) -> None:
+        """Set the attributes by what the folder holds; refuse a run of other options."""
         result = read_plain(self.path / RESULT)
-        stays = not self.asked.overwrite or is_replaced(self.path)
+        stays = not self.request.overwrite or is_replaced(self.path)
         if _is_result(result) and self._is_of_these_options(result) and stays:
             self.finished = result
             return
-        whole = bool(result) and (self.asked.overwrite or not _is_result(result))
+        whole = bool(result) and (self.request.overwrite or not _is_result(result))
         checkpoint, content = (None, {}) if whole else self._last_checkpoint()
         before = self._before(content)
-        changed = differing(before, self.asked.plain()) if result or checkpoint else []
-        if changed == [EPOCHS] and checkpoint is not None and not self.asked.overwrite:
+        changed = differing(before, self.request.plain()) if result or checkpoint else []
+        if changed == [EPOCHS] and checkpoint is not None and not self.request.overwrite:
             changed = self._lengthened(before)
-        if self.asked.overwrite:
+        if self.request.overwrite:
             if _is_result(result) or "about" in content:
                 self.owned.adopt(*(name for name in FILES if (self.path / name).exists()))
             if checkpoint is None or changed or before.get("overwrite") is not True:
-                return  # what was begun by overwrite=true is replaced once, and goes on from then on
+                return  # a run begun with overwrite=true goes on instead of being replaced again
         elif changed:
             raise UserError(
                 f"{self.path} holds a run with another {', '.join(changed)}; "
@@ -155,39 +159,39 @@ class RunFolder:
             self.starts.run = run_of(content) or self.starts.run
 
     def _is_of_these_options(self, result: dict[str, Any]) -> bool:
-        """Whether a finished run is the one that is asked for, though options may have come since."""
-        if result["hash"] == hash_of(self.asked.options):
+        """Whether a finished run is the requested one; options that it lacks count as their defaults."""
+        if result["hash"] == hash_of(self.request.options):
             return True
-        epochs = self.asked.epochs
+        epochs = self.request.epochs
         return not self._changes({}) and result.get("epochs", epochs) == epochs
 
     def _lengthened(self, before: dict[str, Any]) -> list[str]:
-        """What still differs where a run of fewer epochs is to have more; notes that it goes on."""
-        had, epochs = before["trainer"]["max_epochs"], self.asked.epochs
-        if not isinstance(had, int) or epochs < had or not self.asked.can_be_longer:
+        """Return the options that still differ if a run is given more epochs; set `longer` if none does."""
+        had, epochs = before["trainer"]["max_epochs"], self.request.epochs
+        if not isinstance(had, int) or epochs < had or not self.request.can_be_longer:
             return [EPOCHS]
         self.longer = f", for {epochs} epochs instead of {had}"
-        if self.asked.schedule:
+        if self.request.schedule:
             self.longer += f"; the learning rate goes on where its schedule over {epochs} epochs would be"
         if _is_result(result := read_plain(self.path / RESULT)) and "epochs" not in result:
             write_json(self.path / RESULT, {**result, "epochs": had})
         return []
 
     def _check_place(self) -> None:
-        """Refuse what would be replaced and is not this program's, or is what the run begins from."""
+        """Refuse to replace files that this program did not write, or that the run begins from."""
         self._check_sources()
         self.owned.check(FILES)
         if (self.path / CHECKPOINTS).exists() and not self.owned.names:
             raise UserError(f"{self.path} holds {CHECKPOINTS} of something else; give another hydra.run.dir")
 
     def _check_sources(self) -> None:
-        """Refuse to begin from weights that beginning clears away.
+        """Refuse to begin from weights in this folder, which the beginning of the run removes.
 
         Raises:
             UserError: names the option and the file.
         """
         mine = {(self.path / name).resolve() for name in FILES}
-        for option, name in self.asked.weight_files.items():
+        for option, name in self.request.weight_files.items():
             if Path(name).resolve() in mine:
                 raise UserError(
                     f"{option}: {name} is a file of this very run, {self.path}, which begins anew and would "
@@ -195,7 +199,7 @@ class RunFolder:
                 )
 
     def _last_checkpoint(self) -> tuple[Path | None, dict[str, Any]]:
-        """The newest checkpoint that is whole, if the best that it speaks of is, too."""
+        """Return the newest intact checkpoint with its content, if the best checkpoint is intact, too."""
         for name in (LAST, BEST):
             path = self.path / name
             if not path.is_file():
@@ -212,7 +216,7 @@ class RunFolder:
         return None, {}
 
     def _has_best(self, content: dict[str, Any]) -> bool:
-        """Whether the best checkpoint is there, where there has been one."""
+        """Whether the best checkpoint is intact and of this run, or the run has none yet."""
         known = [v for k, v in content["callbacks"].items() if k.startswith(BestCheckpoint.__name__)]
         if not known or known[0]["best_model_score"] is None:
             return True
@@ -221,30 +225,30 @@ class RunFolder:
         except (OSError, DamagedError):
             return False
         self.starts.run = run_of(content) or self.starts.run
-        if not self.asked.overwrite:
+        if not self.request.overwrite:
             self.check_best(best)
         return run_of(best) in (None, self.starts.run)
 
     def _changes(self, content: dict[str, Any]) -> list[str]:
-        """Options that differ from those of the run in this folder, and matter."""
-        return differing(self._before(content), self.asked.plain())
+        """Return the relevant options that differ from those of the run in this folder."""
+        return differing(self._before(content), self.request.plain())
 
     def _before(self, content: dict[str, Any]) -> dict[str, Any]:
-        """Options of the run in this folder, by one of its checkpoints, or else by config.yaml."""
+        """Read the options of the run in this folder, from a checkpoint or else from config.yaml."""
         given = content.get("hyper_parameters")
         before = given.get("options") if isinstance(given, dict) else None
-        if before is None:  # config.yaml may be damaged, a checkpoint has been checked
+        if before is None:  # unlike a verified checkpoint, config.yaml may be damaged
             with suppress(OSError, ValueError, yaml.YAMLError):
                 before = yaml.safe_load((self.path / CONFIG).read_text(encoding="utf-8"))
-        return self.asked.completed(before) if isinstance(before, dict) else {}
+        return self.request.completed(before) if isinstance(before, dict) else {}
 
 
 def say_changes(lines: list[str], since: str) -> None:
-    """What is not as it was."""
+    """Print what changed since an earlier start."""
     for line in lines:
         print(f"note: since {since}: {line}", flush=True)
 
 
 def _is_result(content: dict[str, Any]) -> bool:
-    """Whether it is what a run ends in, whole."""
+    """Whether a content of result.json is complete."""
     return isinstance(content.get("hash"), str) and isinstance(content.get("best"), dict)

@@ -1,4 +1,4 @@
-"""Which options make a run what it is."""
+"""Identity of a run: the hash of its relevant options, and comparison of options."""
 
 import hashlib
 import json
@@ -10,7 +10,7 @@ from col3d.registry.unrelated import UNRELATED, UNRELATED_INSIDE
 
 
 def hash_of(options: Options) -> str:
-    """Of all options that the weights and numbers of a run depend on."""
+    """Compute the hash of all options that the weights and numbers of a run depend on."""
     content = _without_nulls(options.model_dump(mode="json", exclude=UNRELATED))
     for group, name in UNRELATED_INSIDE:
         content[group].pop(name, None)
@@ -19,7 +19,7 @@ def hash_of(options: Options) -> str:
 
 
 def differing(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
-    """Names of the options that differ, and matter; what is null is as good as absent."""
+    """List the relevant options that differ; null counts as absent."""
     before, now = _without_nulls(before), _without_nulls(now)
     names = []
     for name in sorted((before.keys() | now.keys()) - UNRELATED):
@@ -34,7 +34,7 @@ def differing(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
 
 
 def _without_nulls(node: Any) -> Any:
-    """Options without those that say nothing, so that one that is new is no change to runs of before."""
+    """Remove options that are null or empty, so that a new option does not change earlier runs."""
     if not isinstance(node, Mapping):
         return node
     inside = {name: _without_nulls(value) for name, value in node.items()}

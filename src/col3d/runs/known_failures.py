@@ -1,4 +1,4 @@
-"""What goes wrong in long computations without being a fault of the program, as one line each."""
+"""Foreseen failures of long computations, such as a lack of memory, as one-line errors."""
 
 import traceback
 from collections.abc import Iterator
@@ -6,11 +6,11 @@ from contextlib import contextmanager
 
 import torch
 
-from col3d.errors import DivergedError, UserError, and_beneath
+from col3d.errors import DivergedError, UserError, error_chain
 
 TOO_LARGE = "cannot be converted to type float without overflow"
 OUT_OF_MEMORY = ("can't allocate memory", "not enough memory", "CUDA out of memory", "Unable to allocate")
-"""What torch and NumPy say of it, where their errors have no type of their own."""
+"""Messages of torch and NumPy about a lack of memory, where their errors have no type of their own."""
 PEER_GONE = (
     "Connection closed by peer",
     "Connection reset by peer",
@@ -22,15 +22,15 @@ PEER_GONE = (
     "recvValue failed",
     "sendBytes failed",
 )
-"""What gloo and NCCL say when another process of a training is gone."""
+"""Messages of gloo and NCCL when another process of a training is gone."""
 
 
 @contextmanager
 def as_user_errors(smaller: str) -> Iterator[None]:
-    """Turn what is foreseen into a line; all else keeps its traceback.
+    """Convert foreseen errors in the block to one line; others keep their traceback.
 
     Args:
-        smaller: what to change where memory is out.
+        smaller: what to change if there is too little memory.
 
     Raises:
         UserError: names the option, and what to do.
@@ -40,7 +40,7 @@ def as_user_errors(smaller: str) -> Iterator[None]:
     except DivergedError as error:
         raise UserError(str(error)) from None
     except Exception as error:
-        for hidden in and_beneath(error):  # torch says so in any line that runs, a library's own try included
+        for hidden in error_chain(error):  # torch raises in any line that runs, even inside a library's try
             if line := _line(hidden, smaller):
                 raise UserError(line) from None
         raise
@@ -65,20 +65,20 @@ def _line(error: BaseException, smaller: str) -> str:
 
 
 def _while_a_worker_spoke(error: BaseException) -> bool:
-    """Whether a process that loads frames ended in the middle of what it was handing over."""
+    """Whether a data loader's worker ended while it transferred data."""
     modules = [str(frame.f_globals.get("__name__")) for frame, _ in traceback.walk_tb(error.__traceback__)]
     in_transfer = bool(modules) and modules[-1].startswith("multiprocessing.")
     return in_transfer and any(module.startswith("torch.utils.data.") for module in modules)
 
 
 def is_out_of_memory(error: BaseException) -> bool:
-    """Whether that is what an error says, of a GPU or of the machine."""
+    """Whether an error means a lack of memory, of a GPU or of the machine."""
     named = isinstance(error, MemoryError | torch.OutOfMemoryError)
     return named or (isinstance(error, RuntimeError) and any(sign in str(error) for sign in OUT_OF_MEMORY))
 
 
 def _size(error: BaseException) -> str:
-    """The sentence of a message that says how much was wanted."""
+    """Return the sentence of a message that says how much memory was requested."""
     sentences = " ".join(str(error).split()).split(". ")
-    found = [sentence for sentence in sentences if "llocate" in sentence]
-    return (found or [type(error).__name__])[0][:160]
+    matching = [sentence for sentence in sentences if "llocate" in sentence]
+    return (matching or [type(error).__name__])[0][:160]

@@ -12,15 +12,15 @@ from col3d.reports.jobs import LOCK, STATUS, read_plain
 from col3d.runs.rank import is_first
 
 TRIES, PAUSE = 10, 0.05
-"""A reader of the folder holds the lock for a moment, too."""
+"""Retries, because a reader of the folder also holds the lock for a moment."""
 
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Hold a folder against other processes; the system lets go of it when this one ends in any way.
+    """Lock a folder against other processes in the block; the system releases it however this one ends.
 
-    The lock is of POSIX's kind, which processes that are forked, as workers of loaders, do not hold on to. Of
-    the processes of one training the first does it for all.
+    It is a POSIX lock, which forked processes, such as workers of data loaders, do not inherit. Of the
+    processes of one training only the first takes it.
 
     Raises:
         RunLockedError: another process trains there.
@@ -35,12 +35,12 @@ def locked(folder: Path) -> Iterator[None]:
     try:
         yield
     finally:
-        with suppress(OSError):  # a disk that became read-only; what went wrong has been said
-            if not os.fstat(descriptor).st_size:  # a file of others has something in it
+        with suppress(OSError):  # a disk that became read-only; the cause is reported elsewhere
+            if not os.fstat(descriptor).st_size:  # a lock of ours is empty
                 path.unlink()
         os.close(descriptor)
         for parent in made:
-            with suppress(OSError):  # a run has begun in it
+            with suppress(OSError):  # not empty: a run has begun in it
                 parent.rmdir()
 
 
@@ -59,13 +59,13 @@ def _take(path: Path) -> int:
         os.close(descriptor)
         if left:
             time.sleep(PAUSE)
-    said = read_plain(path.with_name(STATUS))
-    who = f" (process {said['process']} on {said.get('host', 'some host')})" if "process" in said else ""
+    state = read_plain(path.with_name(STATUS))
+    who = f" (process {state['process']} on {state.get('host', 'some host')})" if "process" in state else ""
     raise RunLockedError(f"{path.parent} is being trained by another process{who}")
 
 
 def _is(path: Path, descriptor: int) -> bool:
-    """Whether a file is still the one that was opened: whoever had it before removed it at the end."""
+    """Whether a path is still the opened file: the previous owner of the lock removes it at the end."""
     with suppress(FileNotFoundError):
         return os.path.samestat(path.stat(), os.fstat(descriptor))
     return False

@@ -1,4 +1,4 @@
-"""Options of loggers: by their names, each a registered logger; `csv` names none beside metrics.csv."""
+"""Options of loggers, by the names of registered loggers; `csv` adds none beside metrics.csv."""
 
 from collections.abc import Mapping
 from importlib.util import find_spec
@@ -13,11 +13,11 @@ from col3d.registry.schema import Options, check_names, defaults
 
 ALWAYS = "csv"
 FORBIDDEN_IN_NAMES = set("/\\#?%:")
-"""What W&B and others do not take in the name of a project."""
+"""Characters that W&B and others do not accept in the name of a project."""
 
 
 def logger_entries(given: Any) -> dict[str, Options]:
-    """Loggers by name with options that are checked against their signatures.
+    """Validate the options of loggers against their signatures, by name.
 
     Raises:
         OptionError: a line for each option that breaks a rule.
@@ -43,7 +43,7 @@ def _entry(name: str, given: Any) -> Options:
 
 
 def check_installed(entries: Mapping[str, Options]) -> None:
-    """Refuse loggers whose packages are not there.
+    """Refuse loggers whose packages are not installed.
 
     Raises:
         UserError: says what to install.
@@ -57,9 +57,9 @@ def check_installed(entries: Mapping[str, Options]) -> None:
 
 
 def node(part: Part) -> dict[str, Any]:
-    """What `logger=NAME` brings into a configuration: every option with its default."""
+    """Return what `logger=NAME` adds to a configuration: every option with its default."""
     return {part.name: defaults(part.parameters())}
 
 
 Loggers = Annotated[dict[str, SerializeAsAny[Options]], PlainValidator(logger_entries)]
-"""Loggers by their names."""
+"""Options of loggers by name."""

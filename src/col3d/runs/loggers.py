@@ -1,7 +1,7 @@
-"""Loggers by name, beside metrics.csv: those of Lightning, set up to write into a run's folder and to go on.
+"""Registered loggers: those of Lightning, set up to write into a run's folder and to resume.
 
-A logger's function is given the `folder` of the run; `run`, a word that is the same whenever the run goes on;
-and `config`, the options of the training as plain values.
+A logger's function receives the `folder` of the run; `run`, an identifier that stays the same when the run
+goes on; and `config`, the options of the training as plain values.
 """
 
 import os
@@ -15,7 +15,7 @@ from col3d.errors import UserError
 from col3d.registry import register_logger
 
 ID, MLFLOW_ID = "wandb_id.txt", "mlflow_id.txt"
-"""Under which name a service knows the run of a folder, for a training that goes on."""
+"""Files with the identifier of a run at a service, with which a training that goes on is logged."""
 PATIENCE = 30
 """Seconds to wait for W&B's server."""
 

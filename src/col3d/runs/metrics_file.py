@@ -1,4 +1,4 @@
-"""metrics.csv: all that was logged of an epoch in a row."""
+"""Logger that writes metrics.csv: one row for each epoch, with everything that was logged."""
 
 import csv
 import io
@@ -13,15 +13,15 @@ from lightning.pytorch.utilities.rank_zero import rank_zero_only
 from col3d.io.atomic import write_whole
 
 ROWS = "rows"
-"""Where checkpoints keep the rows of the epochs before."""
+"""Key of the rows of all epochs in checkpoints."""
 
 
 class MetricsFile(Logger):
-    """Rows by epoch, written in one step whenever a checkpoint is.
+    """Logger that collects a row for each epoch, written atomically whenever a checkpoint is saved.
 
     Args:
-        path: of the file.
-        rows: of the epochs that a training which goes on has behind it.
+        path: path of the file.
+        rows: rows of the epochs before, if the training goes on.
     """
 
     def __init__(self, path: Path, rows: Sequence[Mapping[str, Any]] = ()) -> None:
@@ -31,20 +31,20 @@ class MetricsFile(Logger):
 
     @property
     def name(self) -> str:
-        """As loggers have one."""
+        """Name of the logger, as Lightning requires."""
         return "metrics"
 
     @property
     def version(self) -> str:
-        """As loggers have one."""
+        """Version of the logger, as Lightning requires."""
         return ""
 
     def log_hyperparams(self, *arguments: Any, **options: Any) -> None:
-        """They are in config.yaml."""
+        """Do nothing: hyperparameters are in config.yaml."""
 
     @rank_zero_only
     def log_metrics(self, metrics: Mapping[str, float | int], step: int | None = None) -> None:
-        """Add to the row of the epoch that the metrics name; those of no epoch belong in no row."""
+        """Add metrics to the row of their epoch; ignore those without an epoch."""
         if "epoch" in metrics:
             self.rows.setdefault(int(metrics["epoch"]), {}).update(
                 {**metrics, "epoch": int(metrics["epoch"]), **({} if step is None else {"step": step})}
@@ -61,16 +61,16 @@ class MetricsFile(Logger):
         write_whole(self.path, text.getvalue())
 
     def finalize(self, status: str) -> None:
-        """Write what is not yet written; a training that failed has said why, whatever comes of this."""
+        """Write all rows after a success; after a failure do nothing, lest another error hide the first."""
         if status == "success":
             self.save()
 
 
 class RowsInCheckpoints(Callback):
-    """Keeps the rows in every checkpoint: what lies in the file may be of epochs that are to be done again.
+    """Saves the rows in every checkpoint: the file may have rows of epochs that a resumed training repeats.
 
     Args:
-        table: whose rows.
+        table: the logger that has the rows.
     """
 
     def __init__(self, table: MetricsFile) -> None:
@@ -79,10 +79,10 @@ class RowsInCheckpoints(Callback):
     def on_save_checkpoint(
         self, trainer: Trainer, pl_module: LightningModule, checkpoint: dict[str, Any]
     ) -> None:
-        """Add them."""
+        """Add the rows."""
         checkpoint[ROWS] = [dict(row) for row in self.table.rows.values()]
 
 
 def _place(name: str) -> tuple[int, str]:
-    """Epoch and step come first."""
+    """Sort key of a column: epoch and step come first."""
     return ((name not in ("epoch", "step")), name)

@@ -1,4 +1,4 @@
-"""The loggers that are asked for, beside metrics.csv."""
+"""Creation and closing of the requested loggers."""
 
 import sys
 from collections.abc import Iterator, Mapping
@@ -21,17 +21,17 @@ OURS = "col3d"
 def loggers_of(
     chosen: Mapping[str, Options], config: Mapping[str, Any], folder: Path, run: str, goes_on: bool
 ) -> Iterator[list[Logger]]:
-    """The loggers; a run that ends in an exception is marked as failed where they can.
+    """Open loggers for the block; one that can marks a run that ends in an exception as failed.
 
     Args:
-        chosen: options of loggers, by their names.
+        chosen: options of loggers by name.
         config: all options of the training, as plain values.
-        folder: of the run.
-        run: which is the same whenever the run goes on.
-        goes_on: whether it does; its options have been logged then.
+        folder: folder of the run.
+        run: identifier of the run, which stays the same when it goes on.
+        goes_on: whether the run goes on; its options have then been logged before.
 
     Raises:
-        UserError: one cannot begin, in a line.
+        UserError: a logger cannot be created.
     """
     if not is_first():
         yield []
@@ -61,17 +61,17 @@ def _made(
     except Exception as error:
         if part.package != OURS:
             raise
-        said = " ".join(str(error).split())[:300]
-        raise UserError(f"logger.{name}: {type(error).__name__}: {said}") from None
+        message = " ".join(str(error).split())[:300]
+        raise UserError(f"logger.{name}: {type(error).__name__}: {message}") from None
     return logger
 
 
 def _flat(node: Any, place: str = "") -> dict[str, Any]:
-    """Options by dotted names."""
+    """Flatten options to a dict by dotted names."""
     if not isinstance(node, dict):
         return {place: node if isinstance(node, bool | int | float | str) else str(node)}
     inside = (_flat(value, f"{place}.{key}".strip(".")) for key, value in node.items())
-    return {name: value for found in inside for name, value in found.items()}
+    return {name: value for part in inside for name, value in part.items()}
 
 
 def _end(name: str, logger: Logger, status: str) -> None:
@@ -79,6 +79,6 @@ def _end(name: str, logger: Logger, status: str) -> None:
         logger.finalize(status)
         if name == "wandb":
             sys.modules["wandb"].finish(exit_code=int(status != "success"))
-    except Exception as error:  # whatever became of a server: the training is what it is
-        said = "W&B" if name == "wandb" else name
-        print(f"note: {said} did not end well ({type(error).__name__}: {error})", flush=True)
+    except Exception as error:  # a failure of a server does not change the result
+        label = "W&B" if name == "wandb" else name
+        print(f"note: {label} did not end well ({type(error).__name__}: {error})", flush=True)

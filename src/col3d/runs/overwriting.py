@@ -1,4 +1,4 @@
-"""Runs of a sweep or a benchmark are overwritten once, however often its command is given again."""
+"""Bookkeeping for `overwrite=true` in sweeps and benchmarks: each run is replaced only once."""
 
 import os
 from collections.abc import Iterable
@@ -9,16 +9,16 @@ from col3d.io.ownership import Owned
 from col3d.reports.jobs import RESULT, read_plain
 
 RECORD = ".overwrite.json"
-"""In the folder of the runs: by their names, the finished runs that are replaced."""
+"""File in the folder of the runs: the finished runs that are replaced, by folder name."""
 SET = "COL3D_OVERWRITES"
-"""In the environment of the jobs: the folder of their runs."""
+"""Environment variable of the jobs: the folder of their runs."""
 
 
 def begin(runs: Path, names: Iterable[str], option: str) -> None:
-    """Note the finished runs that jobs of these names replace, but those that are noted already.
+    """Record the finished runs that jobs of these names replace, unless they are recorded already.
 
     Raises:
-        UserError: the folder has a file of others under the name of the record.
+        UserError: a file of others has the name of the record.
     """
     known, owned = read_plain(runs / RECORD), Owned(runs, "overwrite", option)
     new = {name: _run_in(runs / name) for name in names if name not in known}
@@ -29,19 +29,19 @@ def begin(runs: Path, names: Iterable[str], option: str) -> None:
 
 
 def end(runs: Path) -> None:
-    """Forget them at the end of all jobs: the next overwrite=true replaces all runs again."""
+    """Remove the record when all jobs are done: the next overwrite=true replaces all runs again."""
     Owned(runs, "overwrite", "overwrite").remove()
     os.environ.pop(SET, None)
 
 
 def is_replaced(folder: Path) -> bool:
-    """Whether the finished run in a folder is the one that replaced what was noted there."""
+    """Whether the finished run in a folder has replaced the recorded one."""
     runs = folder.absolute().parent
     known = read_plain(runs / RECORD) if os.environ.get(SET) == str(runs) else {}
     return folder.name in known and _run_in(folder) not in (None, known[folder.name])
 
 
 def _run_in(folder: Path) -> str | None:
-    """By what the finished run in a folder is told from others; older ones have no name."""
+    """Return the identifier of the finished run in a folder, "" if it has none; None without a run."""
     result = read_plain(folder / RESULT)
     return str(result.get("run", "")) if result else None

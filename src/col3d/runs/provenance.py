@@ -1,4 +1,4 @@
-"""Where a result comes from: the command that made it, and the version of the code."""
+"""Provenance of a result: the command that made it, and the versions of code and packages."""
 
 import shlex
 import subprocess
@@ -13,7 +13,7 @@ PACKAGES = ("col3d", "torch", "lightning", "torchmetrics", "timm", "kornia", "nu
 
 
 def command(words: Sequence[str] | None = None) -> str:
-    """A command line as one types it: this process's, when absent."""
+    """Format a command line as one types it; by default that of this process."""
     script, *arguments = sys.argv if words is None else words
     name = Path(script).name
     program = {"__main__.py": ["python", "-m", "col3d"]}.get(name, ["python", name])
@@ -21,7 +21,7 @@ def command(words: Sequence[str] | None = None) -> str:
 
 
 def commit() -> str | None:
-    """The commit of the code, with -dirty where files differ from it; None outside a repository."""
+    """Return the commit of the code, with -dirty if files differ from it; None outside a repository."""
     here = Path(__file__).parent
     try:
         answer = subprocess.run(
@@ -37,24 +37,24 @@ def commit() -> str | None:
 
 
 def versions() -> dict[str, str]:
-    """Of the packages that numbers depend on."""
+    """Return the versions of the packages that numbers depend on."""
     return {name: version(name) for name in PACKAGES}
 
 
 def plugins() -> dict[str, str]:
-    """Packages that Hydra or Lightning find by themselves, and those that say they extend this one."""
+    """Return the versions of installed packages that extend Hydra, Lightning or this package."""
     groups = [group for group in entry_points().groups if group.startswith(("col3d", "lightning", "hydra"))]
     offering = (point.dist for group in groups for point in entry_points(group=group))
-    found = {dist.name: dist.version for dist in offering if dist is not None}
+    packages = {dist.name: dist.version for dist in offering if dist is not None}
     hydra = packages_distributions().get("hydra_plugins", [])
-    return found | {name: distribution(name).version for name in hydra}
+    return packages | {name: distribution(name).version for name in hydra}
 
 
 def code_sum() -> str:
-    """Of all files of this package that can be run, committed or not."""
+    """Compute the checksum of all Python files of this package, committed or not."""
     return package_sum(Path(__file__).parents[1])
 
 
 def provenance() -> dict[str, object]:
-    """All of it."""
+    """Return the command, the commit and the versions."""
     return {"command": command(), "commit": commit(), "versions": versions()}

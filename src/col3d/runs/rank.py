@@ -1,4 +1,4 @@
-"""Which of the processes of one training this is."""
+"""Rank of this process among those of a distributed training."""
 
 import os
 import threading
@@ -12,12 +12,12 @@ POLL_SECONDS = 1.0
 
 
 def is_first() -> bool:
-    """Whether this process is the one that writes; the environment tells it before there is a Trainer."""
+    """Whether this process has rank zero and writes files; known from the environment before the Trainer."""
     return getattr(rank_zero_only, "rank", 0) == 0
 
 
 def wait_for_all() -> None:
-    """Let all processes of a training come to this line."""
+    """Wait until all processes of a training have reached this point."""
     if torch.distributed.is_initialized():
         torch.distributed.barrier()
 

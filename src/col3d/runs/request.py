@@ -1,4 +1,4 @@
-"""The run that is asked for."""
+"""The description of a requested run, as its folder needs it."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -10,19 +10,19 @@ from col3d.registry.schema import Options
 
 @dataclass(frozen=True)
 class RunRequest:
-    """The run that is asked for, as far as its folder has to know it.
+    """A requested run, as far as its folder has to know it.
 
     Attributes:
-        path: of the folder.
-        options: all of them; what is written into config.yaml.
-        completed: options of an earlier run -> the same with the defaults of those that came since.
+        path: path of the run's folder.
+        options: all options, which are written to config.yaml.
+        completed: function that adds the defaults of options which an earlier run lacks.
         overwrite: whether another run may be replaced.
-        epochs: of the whole training.
+        epochs: number of epochs of the whole training.
         can_be_longer: whether a finished run may be given more epochs.
-        schedule: of the learning rate, which goes on over more epochs; empty where it is constant.
-        weight_files: by option, files that the training begins from.
-        panels: how many pictures are asked for.
-        predictions: whether those of the test split are kept.
+        schedule: name of the learning rate's schedule, for messages; empty if it is constant.
+        weight_files: files that the training begins from, by option.
+        panels: number of pictures.
+        predictions: whether predictions of the test split are stored.
     """
 
     path: Path
@@ -37,5 +37,5 @@ class RunRequest:
     predictions: bool
 
     def plain(self) -> dict[str, Any]:
-        """The options as JSON and YAML hold them."""
+        """Return the options as plain values for JSON and YAML."""
         return self.options.model_dump(mode="json")

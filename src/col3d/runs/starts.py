@@ -1,4 +1,4 @@
-"""starts.json: every start of a run, with the code, the packages and the data that it found."""
+"""starts.json: a record of every start of a run, with the versions of code, packages and data."""
 
 import secrets
 from collections.abc import Mapping
@@ -21,12 +21,12 @@ Start = dict[str, Any]
 
 
 def this_start(data: DataOptions, phantom: PhantomOptions, weight_files: Mapping[str, str]) -> Start:
-    """What a start finds now.
+    """Describe a start of this process: time, command, and versions of code, packages and data.
 
     Args:
-        data: that it trains and tests on.
-        phantom: what of them is rendered.
-        weight_files: by option, files that it begins from.
+        data: data sets to train and test on.
+        phantom: options of rendered data.
+        weight_files: files that the training begins from, by option.
     """
     given = {option: Path(name) for option, name in weight_files.items() if Path(name).is_file()}
     return {
@@ -45,15 +45,15 @@ def this_start(data: DataOptions, phantom: PhantomOptions, weight_files: Mapping
 
 
 class Starts:
-    """The starts of one run.
+    """The recorded starts of one run.
 
     Args:
-        folder: of the run.
+        folder: folder of the run.
 
     Attributes:
-        run: by which this run is told from others that lay or lie in the folder.
-        replacing: whether an earlier run was being cleared away when the last start was cut off.
-        known: those before, the oldest first.
+        run: identifier that distinguishes this run from others in the folder.
+        replacing: whether the last start was interrupted while it removed an earlier run.
+        known: the recorded starts, the oldest first.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -67,18 +67,18 @@ class Starts:
         )
 
     def begin_anew(self) -> None:
-        """Take another name, and say that what lies there is being cleared away."""
+        """Take a new identifier, and record that the earlier run is being removed."""
         self.run, self.known, self.replacing = secrets.token_hex(8), [], True
         self._write()
 
     def add(self, start: Start) -> None:
-        """Note a start."""
+        """Record a start."""
         self.run = self.run or secrets.token_hex(8)
         self.known, self.replacing = [*self.known, start], False
         self._write()
 
     def changes(self, now: Start | None = None) -> list[str]:
-        """What differs from one start to the next; with `now`, from the last of them to it."""
+        """List the differences between successive starts; with `now`, from the last start to `now`."""
         starts = self.known if now is None else [*self.known[-1:], now]
         lines = (line for before, after in pairwise(starts) for line in _changes(before, after))
         return list(dict.fromkeys(lines))
@@ -113,6 +113,6 @@ def _line(group: str, name: str, old: str | None, new: str | None) -> str:
 
 
 def _sizes(old: str, new: str) -> str:
-    """What of the numbers says how; the sums mean nothing to a reader."""
+    """Describe the change of a file's size or date, without checksums, which mean nothing to a reader."""
     sizes = [text.rpartition(", ")[0] for text in (old, new)]
     return f"{sizes[0]}, now {sizes[1]}" if sizes[0] != sizes[1] else f"{sizes[0]}, of another time"

@@ -1,4 +1,4 @@
-"""status.json: what becomes of a training, and how far it is."""
+"""status.json: the state and progress of a training."""
 
 import os
 import socket
@@ -19,10 +19,10 @@ LONGEST_ERROR = 500
 
 
 class JobStatus:
-    """status.json: running, done, failed or preempted, since when, how far, and why it failed.
+    """Writer of status.json: running, done, failed or preempted, since when, how far, and why it failed.
 
     Args:
-        folder: of the training.
+        folder: folder of the training.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -42,25 +42,25 @@ class JobStatus:
 
     @property
     def begun(self) -> bool:
-        """Whether anything is said yet."""
+        """Whether the status has been written by this process."""
         return "updated" in self.content
 
     @property
     def seconds(self) -> float:
-        """Of work, in all sessions."""
+        """Seconds of work, in all sessions."""
         return self.seconds_before + time.monotonic() - self.start
 
     def write(self, state: str, **facts: Any) -> None:
-        """Say something new; of several processes the first says it, but any may have failed."""
+        """Update the file; of several processes only the first one writes, but any may report a failure."""
         if not is_first() and state != "failed":
             return
         self.content |= {"state": state, "seconds": round(self.seconds, 1), "updated": _now(), **facts}
         write_json(self.path, self.content)
 
 
-def _number(said: Any) -> float:
-    """What an earlier session counted; nothing where its file was changed."""
-    return float(said) if isinstance(said, int | float) else 0.0
+def _number(value: Any) -> float:
+    """Convert a number of an earlier session; 0 if its file holds something else."""
+    return float(value) if isinstance(value, int | float) else 0.0
 
 
 def _now() -> str:
@@ -69,7 +69,7 @@ def _now() -> str:
 
 @contextmanager
 def reported(status: JobStatus) -> Iterator[JobStatus]:
-    """Write how the block ends, if anything has begun in it: a refusal leaves no trace."""
+    """Write how the block ends; an error before the status is first written leaves no file."""
     try:
         yield status
     except Stopped as stopped:
@@ -77,7 +77,7 @@ def reported(status: JobStatus) -> Iterator[JobStatus]:
         raise
     except BaseException as error:
         if status.begun:
-            with suppress(OSError), children_unheard():  # a full disk is among the reasons
+            with suppress(OSError), children_unheard():  # the error may be a full disk
                 status.write("failed", error=_last_line(error))
         raise
     status.write("done")

@@ -1,4 +1,4 @@
-"""What a checkpoint says of its training: the network and its size are checked, the rest where it is used."""
+"""Options of the training that a checkpoint is of: network and size are checked here, the rest on use."""
 
 import functools
 from collections.abc import Mapping
@@ -18,12 +18,12 @@ from col3d.registry.earlier import updated
 from col3d.registry.refusals import check_options
 
 DEPTH_SEEN = "depth_seen"
-"""Where a checkpoint keeps the sum of the training depths in mm and their number."""
+"""Key of the sum of the training depths in mm and their number in a checkpoint."""
 Kind = TypeVar("Kind", bound=BaseModel)
 
 
 class _Loose(BaseModel):
-    """Of options, those that are named here; others may be of any version."""
+    """Base of partial options: fields that are not declared are ignored and may be of any version."""
 
     model_config = ConfigDict(extra="ignore", protected_namespaces=())
 
@@ -45,14 +45,14 @@ class _Frames(_Loose):
 
 @dataclass(frozen=True)
 class Trained:
-    """The options of a training.
+    """The options with which a checkpoint was trained.
 
     Attributes:
-        checkpoint: their file.
-        content: all of them, as today's version names them.
-        model: of the network.
+        checkpoint: path of the checkpoint.
+        content: all options, converted to the current version's names.
+        model: options of the network.
         size_hw: height and width of the frames.
-        seed: of the training.
+        seed: seed of the training.
     """
 
     checkpoint: Path
@@ -63,7 +63,7 @@ class Trained:
 
     @property
     def data(self) -> DataOptions:
-        """The data sets it was trained on.
+        """Options of the data sets it was trained on.
 
         Raises:
             UserError: they are of another version.
@@ -72,7 +72,7 @@ class Trained:
 
     @property
     def phantom(self) -> PhantomOptions:
-        """What was rendered for it.
+        """Options of the rendered data it was trained on.
 
         Raises:
             UserError: as of `data`.
@@ -95,7 +95,7 @@ class Trained:
 
 
 def trained_options(checkpoint: Mapping[str, Any], path: Path) -> Trained:
-    """The options that a checkpoint was trained with.
+    """Read the options that a checkpoint was trained with.
 
     Raises:
         UserError: it holds none, parts of a plugin that is not loaded, or a network of another version.
@@ -119,7 +119,7 @@ def trained_options(checkpoint: Mapping[str, Any], path: Path) -> Trained:
 
 
 def checked_options(kind: type[Kind], content: Mapping[str, Any], path: Path) -> Kind:
-    """Options of a checkpoint, as far as a class of options wants them.
+    """Validate those options of a checkpoint that a class of options declares.
 
     Raises:
         UserError: they are of another version.
@@ -131,7 +131,7 @@ def checked_options(kind: type[Kind], content: Mapping[str, Any], path: Path) ->
 
 
 def depth_seen(checkpoint: Mapping[str, Any]) -> Tensor:
-    """The sum of a training's depths in mm, and their number; early versions have it among the weights.
+    """Read the sum of a training's depths in mm and their number, which may also be among the weights.
 
     Raises:
         ValueError: it is no pair of numbers.
@@ -143,6 +143,6 @@ def depth_seen(checkpoint: Mapping[str, Any]) -> Tensor:
 
 
 def mean_depth(seen: Tensor) -> Tensor | None:
-    """The mean depth of the training frames in mm; None before any training."""
+    """Return the mean depth of the training frames in mm; None before any training."""
     total, pixels = seen
     return (total / pixels).float() if pixels > 0 else None

@@ -1,6 +1,6 @@
-"""Signals that end a program: in its first seconds, and while work is under way that can be kept.
+"""Signal handling: end a program in its first seconds, or stop it while it does work that can be kept.
 
-What is saved then is the matter of `runs` and of each program.
+What is saved on a stop is decided in `runs` and in each program.
 """
 
 from col3d.signals.children import children_unheard

@@ -1,4 +1,4 @@
-"""Signals of child processes, which torch turns into errors wherever its parent happens to be."""
+"""Blocks in which SIGCHLD is ignored, so that the death of a data loader's worker does not interrupt them."""
 
 import signal
 import threading
@@ -9,12 +9,15 @@ from typing import Any
 
 @contextmanager
 def children_unheard() -> Iterator[None]:
-    """Do what the death of a loader's worker must not interrupt, such as to write down another error."""
+    """Ignore SIGCHLD inside the block, for work that must not be interrupted, such as recording an error.
+
+    Torch turns the death of a loader's worker into an exception wherever the parent process is.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
     before: Any = signal.getsignal(signal.SIGCHLD)
-    with suppress(RuntimeError):  # one that was waiting is heard now
+    with suppress(RuntimeError):  # a SIGCHLD that is pending raises here
         signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     try:

@@ -1,4 +1,4 @@
-"""Signals in a program's first seconds, while it still imports what it needs: a line and no stack trace."""
+"""Signal handlers for a program's first seconds, while it imports modules: one line and no stack trace."""
 
 import multiprocessing
 import os
@@ -14,7 +14,7 @@ LINE = "stopped before anything began; the same command goes on"
 
 
 def listen() -> None:
-    """End this process by a line, from now on until `over`; workers stay as they are."""
+    """Let SIGINT and SIGTERM end this process with one line until `over` is called; skip in workers."""
     if multiprocessing.parent_process() or threading.current_thread() is not threading.main_thread():
         return
     for number in CODES:
@@ -23,21 +23,21 @@ def listen() -> None:
 
 
 def over() -> None:
-    """Let signals do what they do in any program, for something has begun."""
+    """Restore the usual handlers, because the program's work has begun."""
     for number in CODES:
         if signal.getsignal(number) is _end:
             signal.signal(number, usual(number, _end))
 
 
 def usual(number: int, handler: Any) -> Any:
-    """What a handler stands for once something has begun: its own, or else the system's."""
+    """Return the handler to use once work has begun: the given one, or the usual one in place of ours."""
     if handler is not _end:
         return handler
     return signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL
 
 
 def _end(number: int, frame: FrameType | None) -> None:
-    """End at once: an exception would be taken for a failed import by whatever is being imported."""
+    """End at once: an exception would look like a failed import to the module that is being imported."""
     with suppress(Exception):
         sys.stdout.flush()
         os.write(1, f"{LINE}\n".encode("ascii"))

@@ -1,4 +1,4 @@
-"""Signals that ask a program to end, granted where nothing is lost by it."""
+"""Graceful stop on signals: a program ends at a point where no work is lost."""
 
 import signal
 import threading
@@ -11,14 +11,14 @@ from col3d.signals import startup as early
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1)
 INTERRUPTED, PREEMPTED = 130, 143
-"""Exit codes after Ctrl-C, and after the signals that schedulers send."""
+"""Exit codes after Ctrl-C, and after the signals that job schedulers send."""
 
 
 class Stopped(SystemExit):
-    """A training that was asked to stop has done so; its `code` is the exit code of the process.
+    """A program has stopped because of a signal; `code` is the exit code of the process.
 
     Attributes:
-        signum: the signal that asked for it.
+        signum: the signal.
     """
 
     def __init__(self, signum: int) -> None:
@@ -27,23 +27,24 @@ class Stopped(SystemExit):
 
 
 class StopSignals:
-    """Catches Ctrl-C, SIGTERM, SIGUSR1, SIGHUP where `nohup` has not turned it off, and SIGUSR2 where the
-    launcher of a job listens to it.
+    """Catches Ctrl-C, SIGTERM, SIGUSR1, SIGHUP unless `nohup` ignores it, and SIGUSR2 if a job's launcher
+    handles it.
 
-    A signal ends the process at once, by `Stopped`, but for the time of a training: there it is kept in
-    `asked`, for `LastCheckpoint` to save and stop where a training can go on. A second signal does not wait.
+    A signal raises `Stopped` at once, which ends the process. Between `hold` and `release` it is kept in
+    `pending` instead, so that `LastCheckpoint` saves and stops where a training can go on. A second signal
+    always raises at once.
 
     Attributes:
-        asked: the signal that came while it was held back.
+        pending: the signal that came while signals were held back, or None.
     """
 
     def __init__(self) -> None:
-        self.asked: int | None = None
+        self.pending: int | None = None
         self._held = False
         self._before: Mapping[int, Any] = {}
 
     def __enter__(self) -> "StopSignals":
-        listened = [signal.SIGUSR2] if callable(signal.getsignal(signal.SIGUSR2)) else []  # submitit does
+        listened = [signal.SIGUSR2] if callable(signal.getsignal(signal.SIGUSR2)) else []  # submitit's
         self._before = {n: early.usual(n, signal.getsignal(n)) for n in (*SIGNALS, *listened)}
         if self._before[signal.SIGHUP] is signal.SIG_IGN:
             del self._before[signal.SIGHUP]
@@ -58,43 +59,47 @@ class StopSignals:
                 signal.signal(number, handler)
 
     def hold(self) -> None:
-        """Keep signals in `asked` from now on, those too that Lightning's Trainer took for itself."""
+        """Keep signals in `pending` from now on, including those that Lightning's Trainer handles."""
         self._held = True
         self._listen()
 
     def release(self) -> None:
-        """Let signals end the process at once again, and one that came too late to be granted now."""
+        """Let signals end the process at once again.
+
+        Raises:
+            Stopped: a signal is pending.
+        """
         self._held = False
         self._listen()
-        if self.asked is not None:
-            raise Stopped(self.asked)
+        if self.pending is not None:
+            raise Stopped(self.pending)
 
     def hand_on(self, signum: int) -> None:
-        """Call who listened to the signal before: submitit's handler puts its job back into the queue."""
+        """Call the handler that was set before: submitit's puts its job back into the queue."""
         handler = self._before.get(signum)
         if callable(handler) and handler is not signal.default_int_handler:
             handler(signum, None)
 
     def _listen(self) -> None:
-        if _in_main_thread():  # the only one that may
+        if _in_main_thread():  # only the main thread may set handlers
             for number in self._before:
                 signal.signal(number, self._receive)
 
     def _receive(self, signum: int, frame: FrameType | None) -> None:
-        if not self._held or self.asked is not None:
+        if not self._held or self.pending is not None:
             raise Stopped(signum)
-        self.asked = signum
+        self.pending = signum
 
 
 @contextmanager
 def stoppable(how: str) -> Iterator[StopSignals]:
-    """End the block by Ctrl-C, SIGTERM, SIGHUP or SIGUSR1 with everything closed that is open in it.
+    """Let Ctrl-C, SIGTERM, SIGHUP or SIGUSR1 end the block, and close everything that is open in it.
 
-    A signal raises `Stopped` at once; after `hold` it waits in `asked` for the block to look at it, and is
-    granted at the end. A second signal never waits.
+    A signal raises `Stopped` at once. After `hold` it is kept in `pending`, which the block may read, and
+    raises at the end of the block. A second signal never waits.
 
     Args:
-        how: to go on, said on screen.
+        how: how to go on, printed after a stop.
 
     Raises:
         SystemExit: 130 after Ctrl-C, 143 after the others.
@@ -104,7 +109,7 @@ def stoppable(how: str) -> Iterator[StopSignals]:
             yield stop
             stop.release()
         except Stopped as stopped:
-            print(f"\nstopped; {how}", flush=True)  # on a line of its own: a signal may come amid another
+            print(f"\nstopped; {how}", flush=True)  # a signal may come in the middle of a line
             raise SystemExit(stopped.code) from None
 
 

@@ -1,4 +1,4 @@
-"""One training from its options to its result: tasks, optimisers, schedules, callbacks, the benchmark.
+"""Training of a network: options, tasks, optimisers, schedules, callbacks, and the benchmark.
 
-The folder that a training writes is in `runs`; how it is scored, in `evaluation`.
+The folder of a run is managed in `runs`; scoring is in `evaluation`.
 """

@@ -1,4 +1,4 @@
-"""Runs the trainings of a benchmark, several at a time, and writes their report."""
+"""Execution of a benchmark: run its trainings, several at a time, and write their report."""
 
 import os
 import subprocess
@@ -30,19 +30,19 @@ COL3D = (sys.executable, "-m", "col3d")
 
 @dataclass(frozen=True)
 class Job:
-    """One training: how it is asked for, what that means, and where it goes."""
+    """One training of a benchmark: its overrides on the command line, and its checked options."""
 
     overrides: tuple[str, ...]
     options: TrainOptions
 
     @property
     def folder(self) -> Path:
-        """Of the run."""
+        """Folder of the run."""
         return Path(self.options.output_dir)
 
 
 def make_job(overrides: Sequence[str], given: Mapping[str, Any]) -> Job:
-    """A job of checked options.
+    """Make a job, after checking its options.
 
     Raises:
         UserError: an option breaks a rule.
@@ -53,7 +53,7 @@ def make_job(overrides: Sequence[str], given: Mapping[str, Any]) -> Job:
 
 
 def distinct(jobs: Sequence[Job]) -> list[Job]:
-    """The jobs without those that ask for what an earlier one asks for already."""
+    """Drop jobs with the same options as an earlier one, apart from the folder."""
     kept: dict[str, Job] = {}
     for job in jobs:
         kept.setdefault(job.options.model_dump_json(exclude={"output_dir"}), job)
@@ -61,12 +61,12 @@ def distinct(jobs: Sequence[Job]) -> list[Job]:
 
 
 def run_benchmark(jobs: Sequence[Job], output: Path, parallel: int | None = None) -> None:
-    """Run what is not finished, keep the truth for figures, and write the report.
+    """Run unfinished jobs, store the ground truth for figures, and write the report.
 
     Args:
         jobs: the trainings.
-        output: folder of the runs and of the report.
-        parallel: how many run at a time, sharing the cores; when absent two, or one where there is a GPU.
+        output: folder for the runs and the report.
+        parallel: number of jobs at a time, which share the cores; by default two, or one with a GPU.
 
     Raises:
         UserError: a folder holds a run of other options, or every job failed.
@@ -77,7 +77,7 @@ def run_benchmark(jobs: Sequence[Job], output: Path, parallel: int | None = None
         begin(output / "runs", [job.folder.name for job in jobs], "benchmark.output")
     waiting = [job for job in jobs if not RunFolder(run_request(job.options)).finished]
     print(f"{len(jobs)} runs, {len(jobs) - len(waiting)} of them finished before", flush=True)
-    if waiting:  # rendered once, before several jobs want it
+    if waiting:  # render data once, before several jobs need it
         first = jobs[0].options
         data_module(first.data, first.phantom, first.seed)
     with stoppable("finished runs stay, and the same command goes on"):
@@ -101,7 +101,7 @@ def run_benchmark(jobs: Sequence[Job], output: Path, parallel: int | None = None
 
 
 def _run_all(jobs: Sequence[Job], parallel: int) -> None:
-    """Run them all; what ends this process early ends them, too, once they have saved."""
+    """Run all jobs; if this process is stopped, they are terminated as well, and save first."""
     start, done = time.monotonic(), 0
     threads = str(max(1, (os.cpu_count() or 1) // parallel))
     processes: list[subprocess.Popen[bytes]] = []
@@ -124,11 +124,11 @@ def _run_all(jobs: Sequence[Job], parallel: int) -> None:
 
 
 def run_job(job: Job, threads: str, processes: "list[subprocess.Popen[bytes]]") -> str:
-    """Run a job with its output in `log.txt`, in a session of its own, which Ctrl-C does not reach."""
+    """Run a job with its output in `log.txt`, in its own session, so that Ctrl-C does not reach it."""
     if is_locked(job.folder):
         return "left to another process"
     owned = Owned(job.folder, "log", "benchmark.output")
-    if read_job(job.folder).status:  # what lies there is a run
+    if read_job(job.folder).status:  # the folder holds a run
         owned.adopt("log.txt")
     owned.claim("log.txt")
     with (job.folder / "log.txt").open("w", encoding="utf-8") as log:
@@ -144,9 +144,9 @@ def run_job(job: Job, threads: str, processes: "list[subprocess.Popen[bytes]]") 
 
 
 def _last_line(job: Job) -> str:
-    lines = (job.folder / "log.txt").read_text(encoding="utf-8").split("\n")
-    said = [line for line in lines if line.strip()]
-    return next((line for line in said if line.startswith("error:")), said[-1] if said else "nothing")
+    text = (job.folder / "log.txt").read_text(encoding="utf-8")
+    lines = [line for line in text.split("\n") if line.strip()]
+    return next((line for line in lines if line.startswith("error:")), lines[-1] if lines else "nothing")
 
 
 def _clock(seconds: float) -> str:

@@ -1,4 +1,4 @@
-"""Checked options -> network, loss and optimisation."""
+"""Construction of a task from checked options: network, loss and optimisation."""
 
 import functools
 from collections.abc import Callable
@@ -16,10 +16,10 @@ from col3d.training.tasks import AdversarialTask, SupervisedTask
 
 
 def build_task(options: TrainOptions) -> SupervisedTask:
-    """Network, loss and optimisation.
+    """Build the task of a training: network, loss and optimisation.
 
     Raises:
-        UserError: the encoder or its weights are not to be had, or parts do not fit.
+        UserError: the encoder or its weights are not available, or parts do not fit together.
     """
     kind: Callable[..., SupervisedTask] = SupervisedTask
     if isinstance(options.task, AdversarialOptions):

@@ -1,4 +1,4 @@
-"""Options of callbacks that join a training: named entries of one mapping, each a registered callback."""
+"""Options of additional callbacks: named entries of a mapping, each a registered callback."""
 
 from collections.abc import Mapping
 from typing import Annotated, Any
@@ -20,7 +20,7 @@ class CallbackEntry(Options):
 
 
 def callback_entries(given: Any) -> dict[str, CallbackEntry]:
-    """Entries checked against the signatures of their callbacks; a name alone takes the defaults.
+    """Validate entries against the signatures of their callbacks; a name alone means the defaults.
 
     Raises:
         OptionError: a line for each option that breaks a rule.
@@ -47,7 +47,7 @@ def _entry(name: str, given: Any) -> CallbackEntry:
 
 
 def _try(place: str, entry: CallbackEntry) -> None:
-    """Let Lightning say what its rules are; a user's own code keeps its traceback."""
+    """Build a callback, to report violations of Lightning's rules; a user's own code keeps its traceback."""
     part = CALLBACKS[entry.callback]
     try:
         callback = part.build(**own_options(entry))
@@ -59,14 +59,14 @@ def _try(place: str, entry: CallbackEntry) -> None:
 
 
 def own_options(entry: CallbackEntry) -> dict[str, Any]:
-    """Those of the callback's class."""
+    """Select the options of the callback's class."""
     return CALLBACKS[entry.callback].own(entry)
 
 
 def callbacks_of(entries: Mapping[str, CallbackEntry]) -> list[Any]:
-    """The callbacks, in their order."""
+    """Build the callbacks, in the order of their entries."""
     return [CALLBACKS[entry.callback].build(**own_options(entry)) for entry in entries.values()]
 
 
 Entries = Annotated[dict[str, SerializeAsAny[CallbackEntry]], PlainValidator(callback_entries)]
-"""Callbacks by the names of their entries."""
+"""Options of callbacks by the names of their entries."""

@@ -1,4 +1,4 @@
-"""What a network costs: parameters, operations and time."""
+"""Measurement of a network's cost: parameters, operations and time."""
 
 import time
 from typing import Any
@@ -14,11 +14,11 @@ WARM_UP, TIMED = 2, 5
 
 
 def measure_cost(network: nn.Module, size_hw: tuple[int, int]) -> dict[str, Any]:
-    """Cost of one frame of a size, on the network's device, which is left in evaluation mode.
+    """Measure the cost of one frame on the network's device; the network is left in evaluation mode.
 
     Returns:
         `parameters`; `gflop`: 1e9 multiplications and additions of one forward pass, as torch counts them;
-        `frames_per_second`: of forward passes one frame at a time, the median of a few; `size`, `device` and
+        `frames_per_second`: of forward passes of one frame, the median of a few; `size`, `device` and
         `threads`, on which that time depends.
     """
     device = device_of(network)
@@ -27,7 +27,7 @@ def measure_cost(network: nn.Module, size_hw: tuple[int, int]) -> dict[str, Any]
     network.eval()
     with torch.no_grad():
         with FlopCounterMode(display=False) as counter:
-            network.forward(image, rays)  # what a compiled network calls cannot be counted
+            network.forward(image, rays)  # a compiled network's operations cannot be counted
         seconds = sorted(_seconds(network, image, rays) for _ in range(WARM_UP + TIMED))
     return {
         "parameters": sum(p.numel() for p in network.parameters()),

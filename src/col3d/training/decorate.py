@@ -1,4 +1,4 @@
-"""Cost, pictures, page and logs of a run: made when its result is there, and again where they are missing."""
+"""Optional outputs of a run (cost, pictures, page, logs), made after its result and again if missing."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -37,9 +37,17 @@ def decorate(
     loggers: Sequence[Logger],
     wanted: Sequence[str] = DECORATIONS,
 ) -> Mapping[str, Any]:
-    """Make what is wanted, once the result is written; what fails is said, and left to be made again.
+    """Make optional outputs after the result is written; a failure prints a note and can be made up later.
 
-    Every process of a training draws the frames that it has seen, and the first one does all the rest.
+    Every process of a training draws the frames that it has seen; the first one does the rest.
+
+    Args:
+        folder: folder of the run.
+        results: results of the test.
+        summary: content of summary.json.
+        best: network of the best epoch.
+        loggers: loggers that receive the results.
+        wanted: names of the outputs to make.
 
     Returns:
         The summary, with the cost.
@@ -47,29 +55,29 @@ def decorate(
     made = Decorations(AGAIN)
     if "panels" in wanted:
         if is_first():
-            with made.one("panels"):
+            with made.attempt("panels"):
                 results.panels.clear()
         wait_for_all()
-        with made.one("panels"):
+        with made.attempt("panels"):
             results.panels.draw()
         wait_for_all()
     if not is_first():
         return summary
     if "cost" in wanted:
-        with made.one("cost"):
+        with made.attempt("cost"):
             summary = {**summary, "cost": measure_cost(best.network, best.trained.size_hw)}
             write_json(folder.path / SUMMARY, summary)
     for logger in loggers:
-        with made.one(type(logger).__name__):
+        with made.attempt(type(logger).__name__):
             results.log(logger, summary)
-    with made.one(PAGE):
+    with made.attempt(PAGE):
         write_run_page(folder.path)
-    folder.decorated(made.but(DECORATIONS))
+    folder.decorated(made.failed(DECORATIONS))
     return summary
 
 
 def show_again(options: TrainOptions, folder: RunFolder) -> None:
-    """The table of a finished run, what is not as it was since, and what its decorations lacked."""
+    """Print the table of a finished run and changes since then; make optional outputs that it lacks."""
     if summary := read_plain(folder.path / SUMMARY):
         print_summary(summary)
     now = this_start(options.data, options.phantom, weight_files(options))
@@ -80,13 +88,13 @@ def show_again(options: TrainOptions, folder: RunFolder) -> None:
         print(f"note: {error}", flush=True)
     if undone := folder.undone:
         made = Decorations(AGAIN)
-        with made.one(", ".join(undone)):
+        with made.attempt(", ".join(undone)):
             _made_again(options, folder, undone)
     print(f"finished before: {folder.path}; overwrite=true trains again", flush=True)
 
 
 def _made_again(options: TrainOptions, folder: RunFolder, undone: Sequence[str]) -> None:
-    """Decorations of a run that is finished; its numbers stay."""
+    """Make optional outputs of a finished run; its numbers stay unchanged."""
     folder.owned.adopt(*FILES)
     summary = read_plain(folder.path / SUMMARY)
     seed_everything(options.seed, workers=True, verbose=False)

@@ -1,4 +1,4 @@
-"""The best epoch of a training, scored on the test split as `col3d evaluate` would score its checkpoint."""
+"""Final test: score the best epoch on the test split as `col3d evaluate` scores its checkpoint."""
 
 import torch
 
@@ -17,7 +17,7 @@ from col3d.training.options import TrainOptions
 
 
 def best_network(folder: RunFolder) -> TrainedNetwork:
-    """The network of the best epoch of this run.
+    """Load the network of the best epoch of this run.
 
     Raises:
         UserError: its weights are damaged, or of another run.
@@ -42,16 +42,16 @@ def score_best(
     device: torch.device,
     predictions: bool,
 ) -> None:
-    """Score the test split under the training's protocol, in float32 whatever the training computed in.
+    """Score the test split under the training's protocol, in float32 whatever the training's precision.
 
     Args:
-        options: of the training.
-        folder: where predictions go.
-        best: the network.
-        data: with the part `test`.
-        results: that collect the rows.
-        device: to compute on.
-        predictions: whether they are kept.
+        options: options of the training.
+        folder: folder of the run, for predictions.
+        best: network of the best epoch.
+        data: frames with the part `test`.
+        results: collector of the scores.
+        device: device to compute on.
+        predictions: whether to store the predictions.
     """
     name, protocol = options.one_protocol
     truths = own_truths(options.protocol, options.data.tested, options.phantom, "test", options.data.size)

@@ -1,4 +1,4 @@
-"""The weights that a training begins from, where another checkpoint has some that fit."""
+"""Initialisation of a network by the matching tensors of another checkpoint."""
 
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -14,16 +14,16 @@ from col3d.training.options import InitOptions
 
 COLUMNS = ("taken", "not there", "of another shape there", "not used")
 SHAPES = 6
-"""How many that differ are said."""
+"""Number of tensors of another shape that are listed."""
 
 
 def begin_from(network: nn.Module, options: InitOptions, say: Callable[[str], None] = print) -> None:
-    """Fill a network with those tensors of a checkpoint that have its names and shapes.
+    """Load those tensors of a checkpoint into a network that match it in name and shape.
 
     Args:
-        network: that is filled.
-        options: where from; nothing is done where no checkpoint is named.
-        say: is told how many tensors were taken, and which were not.
+        network: the network.
+        options: name of the checkpoint; without one, nothing is done.
+        say: called with lines that report how many tensors were taken, and which were not.
 
     Raises:
         UserError: the file holds no weights, damaged ones, or none that fit.
@@ -49,12 +49,12 @@ def begin_from(network: nn.Module, options: InitOptions, say: Callable[[str], No
 
 
 def checked_weights(options: InitOptions) -> Mapping[str, Tensor]:
-    """Tensors of the file; what is wrong with it, by the names that these options have in `train.py`."""
+    """Read the tensors of the file; errors name the option `init.checkpoint`."""
     try:
         return _tensors(options)
     except UserError as error:
-        said = str(error).removeprefix("init.checkpoint: ").removeprefix("checkpoint: ")
-        raise UserError(f"init.checkpoint: {said}") from None
+        message = str(error).removeprefix("init.checkpoint: ").removeprefix("checkpoint: ")
+        raise UserError(f"init.checkpoint: {message}") from None
 
 
 def _tensors(options: InitOptions) -> Mapping[str, Tensor]:
@@ -77,7 +77,7 @@ def _tensors(options: InitOptions) -> Mapping[str, Tensor]:
 
 
 def _table(wanted: Mapping[str, Tensor], given: Mapping[str, Tensor]) -> list[str]:
-    """What was not taken, part by part, and up to so many shapes that differ; nothing where all was taken."""
+    """Format the tensors that were not taken, by part, and some of other shapes; empty if all were taken."""
     kinds: dict[str, Counter[str]] = {kind: Counter() for kind in COLUMNS}
     reshaped = []
     for name in {**wanted, **given}:

@@ -1,4 +1,4 @@
-"""Optimisers by name: those of `torch.optim`, and anybody's own."""
+"""Optimisers by name: registration of those in `torch.optim`, and their options."""
 
 from typing import Annotated, Any
 
@@ -13,15 +13,15 @@ from col3d.registry.schema import NoneWord, Options, defaults
 from col3d.training.parameter_groups import OptimizerFactory, layers_of, parameter_groups, scaled_groups
 
 UNFIT = (torch.optim.Optimizer, torch.optim.LBFGS, torch.optim.SparseAdam, torch.optim.Muon)
-"""A base, and those that need a closure, sparse gradients or matrices alone."""
+"""Not registered: the base class, and optimisers that need a closure, sparse gradients or only matrices."""
 OURS: dict[str, dict[str, Any]] = {
     "adam": {"lr": 1e-4},
     "adamw": {"lr": 1e-4},
     "sgd": {"lr": 1e-3, "momentum": 0.9},
 }
-"""Defaults here that are not those of torch."""
+"""Defaults that differ from those of torch."""
 OF_ENCODERS = ("decoder_weight_decay", "encoder_lr", "layer_decay")
-"""Options that tell the encoder from the rest."""
+"""Options that treat the encoder and the rest of a network differently."""
 
 
 class OptimizerOptions(Options):
@@ -35,10 +35,10 @@ class OptimizerOptions(Options):
 
 
 def optimizer_options(given: Any) -> OptimizerOptions:
-    """Options of a registered optimiser, checked against its signature.
+    """Validate the options of a registered optimiser against its signature.
 
     Raises:
-        ValueError: nothing has that name; pydantic's for single options.
+        ValueError: no optimiser has that name; pydantic's errors for single options.
     """
     if isinstance(given, OptimizerOptions):
         return given
@@ -52,7 +52,10 @@ def optimizer_options(given: Any) -> OptimizerOptions:
 
 
 def _try(options: OptimizerOptions) -> None:
-    """Let a library say what its rules are, on one layer; a user's own code keeps its traceback."""
+    """Build the optimiser of one layer, to report violations of a library's rules.
+
+    A user's own code keeps its traceback.
+    """
     part = OPTIMIZERS[options.name]
     try:
         sample_optimizer(options)
@@ -63,12 +66,12 @@ def _try(options: OptimizerOptions) -> None:
 
 
 def sample_optimizer(options: OptimizerOptions) -> Optimizer:
-    """One of the same kind, on one layer."""
+    """Build the optimiser for one layer."""
     return optimizer_of(options)(nn.Linear(1, 1))
 
 
 def check_encoder(options: OptimizerOptions, network: nn.Module) -> None:
-    """Refuse rates of an encoder that a network does not have.
+    """Refuse learning rates for an encoder that a network does not have.
 
     Raises:
         OptionError: names the option.
@@ -84,7 +87,7 @@ def check_encoder(options: OptimizerOptions, network: nn.Module) -> None:
 
 
 def optimizer_of(options: OptimizerOptions) -> OptimizerFactory:
-    """Network -> optimiser of the parameters that learn."""
+    """Return a function from a network to the optimiser of its trainable parameters."""
     part = OPTIMIZERS[options.name]
     given = {"lr": options.lr, **part.own(options)}
     decay = given.pop("weight_decay", None)
@@ -108,7 +111,7 @@ def _groups(network: nn.Module, options: OptimizerOptions, decay: float) -> list
 
 
 def node(part: Part) -> dict[str, Any]:
-    """What `optimizer=NAME` brings into a configuration: every option with its default."""
+    """Return what `optimizer=NAME` adds to a configuration: every option with its default."""
     usual = defaults(part.parameters())
     ours = {"lr": usual.get("lr") or 1e-3, **part.facts["defaults"]}
     return {"name": part.name, **usual, **ours, **dict.fromkeys(OF_ENCODERS, "none")}

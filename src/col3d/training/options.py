@@ -1,4 +1,4 @@
-"""Options of a training with their types and ranges, checked before anything is built."""
+"""Options of a training with their types and ranges, validated before anything is built."""
 
 from typing import Annotated, Literal
 
@@ -23,12 +23,13 @@ from col3d.training.schedulers import PlateauOptions, SchedulerOptions, schedule
 from col3d.training.trainer_options import TrainerOptions
 
 ByName = Field(discriminator="name")
-"""Which of several classes of options is meant is told by their name."""
+"""Selects one of several option classes by `name`."""
 
 
 TheOptimizer = Annotated[SerializeAsAny[OptimizerOptions], PlainValidator(optimizer_options)]
+"""Options of the optimiser, validated against its signature."""
 TheScheduler = Annotated[SerializeAsAny[SchedulerOptions], PlainValidator(scheduler_options)]
-"""Likewise."""
+"""Options of the scheduler, validated against its signature."""
 
 
 class SupervisedOptions(Options):
@@ -98,13 +99,13 @@ class TrainOptions(Options):
         loss, model = self.loss, self.model
         tested: tuple[Split, ...] = ("test",) if self.data.test is None else ()
         self.data.split.needs("data.split", "train", "val", *tested)
-        asked = loss.needing("normals")
-        if asked and model.normals == "none":
+        terms = loss.needing("normals")
+        if terms and model.normals == "none":
             raise ValueError(
-                f"loss: {' and '.join(asked)} cannot be served, because model={model.name} predicts no "
+                f"loss: {' and '.join(terms)} cannot be served, because model={model.name} predicts no "
                 "normals with model.normals=none; take model.normals=unc, or loss=silog"
             )
-        if not asked and model.normals != "none":
+        if not terms and model.normals != "none":
             alone = MODELS[model.name].facts["depth_alone"]
             depth_alone = f"model={alone}" if alone else "model.normals=none"
             raise ValueError(
@@ -151,11 +152,11 @@ class TrainOptions(Options):
 
     @property
     def one_protocol(self) -> tuple[str, ProtocolOptions]:
-        """The protocol that the training scores under, and its name."""
+        """Name and options of the protocol that the training scores under."""
         return next(iter(self.protocol.items()))
 
     def _callbacks_fit(self, measured: list[str]) -> None:
-        """What callbacks of Lightning watch is measured."""
+        """Refuse callbacks of Lightning that monitor a metric which is not measured."""
         logged = [f"train/{name}" for name in ("loss", *(f"loss_{term}" for term in self.loss.terms), "lr")]
         for name, entry in self.callbacks.more.items():
             monitor = getattr(entry, "monitor", None)
@@ -163,7 +164,7 @@ class TrainOptions(Options):
                 check_known(f"callbacks.more.{name}.monitor", monitor, [*measured, *logged])
 
     def _schedule_fits(self, measured: list[str]) -> None:
-        """Torch's rules for the schedule beside this optimiser, and what it watches."""
+        """Check torch's rules for the schedule with this optimiser, and the metric that it monitors."""
         try_schedule(self.scheduler, sample_optimizer(self.optimizer), self.trainer.max_epochs)
         if isinstance(self.scheduler, PlateauOptions):
             check_known("scheduler.monitor", self.scheduler.monitor, measured)

@@ -1,4 +1,4 @@
-"""Which parameters learn how, and learning rates over the steps of a training."""
+"""Parameter groups of optimisers, and learning-rate decays over the steps of a training."""
 
 import re
 from collections.abc import Callable
@@ -17,12 +17,12 @@ SchedulerFactory = Callable[[Optimizer, int, int], LRScheduler | None]
 
 @dataclass(frozen=True)
 class TrainingLength:
-    """How long a training is.
+    """Length of a training.
 
     Attributes:
-        steps: of the schedule over the whole training: of the optimiser, or epochs where it is stepped after
-            those.
-        epochs: of the training.
+        steps: number of steps of the schedule over the whole training: steps of the optimiser, or epochs if
+            it is stepped after epochs.
+        epochs: number of epochs of the training.
     """
 
     steps: int
@@ -32,12 +32,12 @@ class TrainingLength:
 def parameter_groups(
     network: nn.Module, weight_decay: float, decoder_weight_decay: float | None
 ) -> list[dict[str, Any]]:
-    """The parameters that learn, with the weight decay of the encoder and that of everything else.
+    """Group the trainable parameters by weight decay: that of the encoder, and that of everything else.
 
     Args:
-        network: its encoder, where it has one, is its attribute `encoder`.
-        weight_decay: of the encoder.
-        decoder_weight_decay: of everything else; the same when None.
+        network: its encoder, if any, is its attribute `encoder`.
+        weight_decay: weight decay of the encoder.
+        decoder_weight_decay: weight decay of everything else; the same when None.
     """
     learning = [p for p in network.parameters() if p.requires_grad]
     if decoder_weight_decay is None:
@@ -56,17 +56,17 @@ def scaled_groups(
     encoder_lr: float | None,
     layer_decay: float | None,
 ) -> list[dict[str, Any]]:
-    """The parameters that learn, at rates of their own: everything but the encoder, then its layers.
+    """Group the trainable parameters by learning rate: everything but the encoder, then its layers.
 
     Args:
-        network: its encoder, where it has one, is its attribute `encoder`.
-        lr: of everything but the encoder.
-        weight_decay: of the encoder, and of everything else.
-        encoder_lr: of the encoder's last layers; the same as `lr` when None.
-        layer_decay: what the rate of each layer is of that of the layer after it; 1 when None.
+        network: its encoder, if any, is its attribute `encoder`.
+        lr: learning rate of everything but the encoder.
+        weight_decay: weight decays of the encoder and of everything else.
+        encoder_lr: learning rate of the encoder's last layer; the same as `lr` when None.
+        layer_decay: ratio of a layer's rate to that of the layer after it; 1 when None.
 
     Returns:
-        Groups with their `lr`, and `lr_scale`, the share of `lr` that it is.
+        Groups with their `lr`, and `lr_scale`, its ratio to the argument `lr`.
 
     References:
         Howard, Ruder: Universal Language Model Fine-tuning for Text Classification, ACL 2018, section 3.2;
@@ -87,19 +87,19 @@ def scaled_groups(
 
 
 def layers_of(encoder: nn.Module, layer_decay: float) -> list[tuple[list[nn.Parameter], float]]:
-    """The learning parameters of an encoder's layers, the deepest last, and the share of the rate of each.
+    """List the trainable parameters of an encoder's layers, deepest last, with the scale of their rate.
 
-    A layer begins where the first numbers in the names of parameters change: `blocks.2.0`, `layers.1`.
+    A layer begins where the first numbers in the parameters' names change: `blocks.2.0`, `layers.1`.
 
     >>> [scale for _, scale in layers_of(nn.Sequential(nn.Linear(1, 1), nn.ReLU(), nn.Linear(1, 1)), 0.5)]
     [0.5, 1.0]
     """
     layers: list[list[nn.Parameter]] = [[]]
-    before = ""
+    current = ""
     for name, parameter in encoder.named_parameters():
-        found = NUMBERED.match(name)
-        if found and found[1] != before:
-            before = found[1]
+        match = NUMBERED.match(name)
+        if match and match[1] != current:
+            current = match[1]
             layers.append([])
         layers[-1].append(parameter)
     layers = [layer for layer in layers if layer]
@@ -111,14 +111,14 @@ def layers_of(encoder: nn.Module, layer_decay: float) -> list[tuple[list[nn.Para
 def polynomial_decay(
     optimizer: Optimizer, steps: int, power: float, final_ratio: float, hold: float = 0.0
 ) -> LambdaLR:
-    """Learning rate that falls to `final_ratio` of its start over `steps`, as (1 - step / steps) ** power.
+    """Decay the learning rate to `final_ratio` of its start over `steps`, as (1 - step / steps) ** power.
 
     Args:
-        optimizer: whose rates are changed.
-        steps: of the whole training.
-        power: 1 falls in a straight line.
-        final_ratio: share of the first rate that is left in the end.
-        hold: share of the steps before the rate begins to fall.
+        optimizer: the optimiser.
+        steps: number of steps of the whole training.
+        power: exponent; 1 decays linearly.
+        final_ratio: ratio of the last rate to the first.
+        hold: share of the steps before the decay begins.
 
     References:
         Lee et al.: From Big to Small: Multi-Scale Local Planar Guidance for Monocular Depth Estimation
@@ -135,5 +135,5 @@ def polynomial_decay(
 
 
 def step_decay(optimizer: Optimizer, period: int, factor: float) -> LambdaLR:
-    """Learning rate times `factor` after every `period` steps."""
+    """Multiply the learning rate by `factor` after every `period` steps."""
     return LambdaLR(optimizer, lambda step: factor ** (step // period))

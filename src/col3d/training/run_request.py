@@ -1,4 +1,4 @@
-"""What the folder of a run has to know of the training that is asked for."""
+"""Conversion of a training's options to the `RunRequest` that its folder needs."""
 
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from col3d.training.schedulers import is_of_length
 
 
 def run_request(options: TrainOptions) -> RunRequest:
-    """The run of checked options."""
+    """Describe the run that checked options request."""
     scheduler = options.scheduler
     return RunRequest(
         path=Path(options.output_dir),
@@ -30,13 +30,13 @@ def run_request(options: TrainOptions) -> RunRequest:
 
 
 def weight_files(options: TrainOptions) -> dict[str, str]:
-    """Files of weights that a training begins from, by the option that names them."""
+    """Return the files of weights that a training begins from, by the option that names them."""
     named = {"init.checkpoint": options.init.checkpoint, "model.pretrained": file_of_weights(options.model)}
     return {option: str(name) for option, name in named.items() if name}
 
 
 def _completed(before: dict[str, Any]) -> dict[str, Any]:
-    """Options of an earlier run with the defaults of those that have come since."""
+    """Add the defaults of options that an earlier run lacks to its options."""
     before = updated(before)
     try:
         return check_options(TrainOptions, before).model_dump(mode="json")

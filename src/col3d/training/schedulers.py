@@ -1,4 +1,4 @@
-"""Schedules of the learning rate by name: ours, those of `torch.optim.lr_scheduler`, and anybody's own."""
+"""Learning-rate schedules by name: our own, those of `torch.optim.lr_scheduler`, and their options."""
 
 import functools
 import math
@@ -17,11 +17,11 @@ from col3d.registry.schema import NoneWord, Options, check_names, defaults
 from col3d.training.parameter_groups import SchedulerFactory, TrainingLength, polynomial_decay, step_decay
 
 UNFIT = ("LRScheduler", "_LRScheduler", "LambdaLR", "MultiplicativeLR", "SequentialLR", "ChainedScheduler")
-"""Bases, and those that are made of functions or of other schedules."""
+"""Not registered: base classes, and schedules that are made of functions or of other schedules."""
 EACH_STEP = ("OneCycleLR", "CyclicLR")
-"""Those whose counts are of steps, in torch's own words; all others count epochs."""
+"""Schedules of torch that count steps; all others count epochs."""
 RATES = ("max_lr", "base_lr")
-"""Rates that a schedule sets, whatever those of the groups of parameters are."""
+"""Parameters with rates that a schedule sets, regardless of those of the parameter groups."""
 Interval = Annotated[Literal["step", "epoch"] | None, NoneWord]
 
 
@@ -70,10 +70,10 @@ def step(
 
 
 def scheduler_options(given: Any) -> SchedulerOptions:
-    """Options of a registered schedule, checked against its signature.
+    """Validate the options of a registered schedule against its signature.
 
     Raises:
-        ValueError: nothing has that name; pydantic's for single options.
+        ValueError: no schedule has that name; pydantic's errors for single options.
     """
     if isinstance(given, SchedulerOptions):
         return given
@@ -91,7 +91,7 @@ def scheduler_options(given: Any) -> SchedulerOptions:
 
 @functools.cache
 def base_class(part: Part) -> type[SchedulerOptions]:
-    """The options around a schedule's own, with those of its counts that may be left to the training."""
+    """Return the base class of a schedule's options, with counts that default to the training's length."""
     watches = isinstance(part.build, type) and issubclass(part.build, ReduceLROnPlateau)
     base = PlateauOptions if watches else SchedulerOptions
     count = Annotated[PositiveInt | None, NoneWord]
@@ -102,17 +102,17 @@ def base_class(part: Part) -> type[SchedulerOptions]:
 
 
 def interval_of(options: SchedulerOptions) -> str:
-    """What a schedule is stepped after: "step" or "epoch"."""
+    """Return what a schedule is stepped after: "step" or "epoch"."""
     return options.interval or str(SCHEDULERS[options.name].facts["interval"])
 
 
 def is_of_length(options: SchedulerOptions) -> bool:
-    """Whether a schedule of torch has taken its length from that of the training, and keeps it."""
+    """Whether a schedule of torch takes its length from the training; it cannot be extended later."""
     return any(getattr(options, name, 0) is None for name in COUNTS)
 
 
 def scheduler_of(options: SchedulerOptions) -> SchedulerFactory:
-    """(optimiser, steps, epochs) -> schedule, with what is not given taken from the training."""
+    """Return a function (optimiser, steps, epochs) -> schedule; missing counts are those of the training."""
     part = SCHEDULERS[options.name]
     takes = signature(part.build).parameters
     own = part.own(options)
@@ -132,8 +132,9 @@ def scheduler_of(options: SchedulerOptions) -> SchedulerFactory:
 def _lengths(
     options: SchedulerOptions, own: Mapping[str, Any], steps: int, epochs: int
 ) -> dict[str, int | None]:
-    """The counts of a schedule: as given, or those of the training; `epochs` and `steps_per_epoch` of torch's
-    OneCycleLR, where one of them is given, stand for `total_steps`.
+    """Return the counts of a schedule: as given, or else those of the training.
+
+    If `epochs` or `steps_per_epoch` of torch's OneCycleLR is given, both replace `total_steps`.
     """
     counts = {name: getattr(options, name) for name in COUNTS if hasattr(options, name)}
     parts = {"epochs": epochs, "steps_per_epoch": math.ceil(steps / epochs)}
@@ -144,7 +145,7 @@ def _lengths(
 
 
 def _by_group(rate: Any, optimizer: Optimizer) -> Any:
-    """A rate for each group of parameters, as much smaller as theirs are than that of the optimiser."""
+    """Scale a rate for each parameter group by the ratio of its rate to that of the optimiser."""
     scales = [group.get("lr_scale", 1.0) for group in optimizer.param_groups]
     if isinstance(rate, list | tuple) or all(scale == 1.0 for scale in scales):
         return rate
@@ -152,10 +153,10 @@ def _by_group(rate: Any, optimizer: Optimizer) -> Any:
 
 
 def try_schedule(options: SchedulerOptions, optimizer: Optimizer, epochs: int) -> None:
-    """Let torch say what its rules are, on an optimiser of the same kind.
+    """Build a schedule for an optimiser of the same kind, to report violations of torch's rules.
 
     Raises:
-        OptionError: torch's words; a user's own code keeps its traceback.
+        OptionError: torch's message; a user's own code keeps its traceback.
     """
     try:
         scheduler_of(options)(optimizer, 100 * epochs, epochs)
@@ -166,7 +167,7 @@ def try_schedule(options: SchedulerOptions, optimizer: Optimizer, epochs: int) -
 
 
 def node(part: Part) -> dict[str, Any]:
-    """What `scheduler=NAME` brings into a configuration: every option with its default."""
+    """Return what `scheduler=NAME` adds to a configuration: every option with its default."""
     base = {name: field.default for name, field in base_class(part).model_fields.items() if name != "name"}
     return {"name": part.name, **defaults(part.parameters()), **base}
 

@@ -1,4 +1,4 @@
-"""Optimisers of timm by name, but for those that torch has as well."""
+"""Registration of timm's optimisers by name, except those that torch has as well."""
 
 import fnmatch
 from inspect import signature
@@ -11,8 +11,8 @@ from col3d.training.optimizers import OPTIMIZERS
 
 OF_OTHER_LIBRARIES = ("fused*", "bnb*")
 
-for _found in timm.optim.list_optimizers():
-    _info = timm.optim.get_optimizer_info(str(_found))
+for _name in timm.optim.list_optimizers():
+    _info = timm.optim.get_optimizer_info(str(_name))
     _class: Any = _info.opt_class
     _foreign = any(fnmatch.fnmatch(_info.name, pattern) for pattern in OF_OTHER_LIBRARIES)
     if _foreign or _info.second_order or _info.name in OPTIMIZERS.parts:

@@ -55,21 +55,21 @@ WATCHED = "val/abs_rel"
 
 
 def train(given: Mapping[str, Any]) -> float | tuple[float, ...]:
-    """Run the whole job that the options describe.
+    """Train a network as the options say, and test its best epoch.
 
-    A folder that holds the finished run of the same options is left as it is, and its table shown again; one
-    that was cut off goes on from its last checkpoint. Signals that ask it to stop make it save and leave.
+    If the folder holds the finished run of the same options, it is left unchanged and its table is printed
+    again; an interrupted run goes on from its last checkpoint. On a stop signal the training saves and exits.
 
     Args:
         given: the composed configuration as plain values; see `TrainOptions`.
 
     Returns:
-        What `objective` names, of the best epoch: lower is better.
+        The metrics that `objective` names, of the best epoch: lower is better.
 
     Raises:
         UserError: an option or the data breaks a rule, in one line for each.
         RunLockedError: another process trains in that folder.
-        Stopped: it was asked to stop; its exit code says how.
+        SystemExit: a signal stopped it; 130 after Ctrl-C, 143 after the others.
     """
     quiet()
     options = check_options(TrainOptions, given)
@@ -82,7 +82,7 @@ def train(given: Mapping[str, Any]) -> float | tuple[float, ...]:
 
 
 def _at_work(options: TrainOptions) -> float | tuple[float, ...]:
-    """What comes of the options in their folder."""
+    """Lock the run's folder, train in it, and return the objective."""
     data = resolve_source_paths(options.data, options.phantom)
     options = options.model_copy(update={"data": data})
     path = Path(options.output_dir)
@@ -97,12 +97,12 @@ def _at_work(options: TrainOptions) -> float | tuple[float, ...]:
                 stop.hand_on(stopped.signum)
             raise SystemExit(stopped.code if is_first() else 0) from None
         finally:
-            if torch.distributed.is_initialized():  # the next job of a sweep has other processes beside it
+            if torch.distributed.is_initialized():  # the next job of a sweep starts other processes
                 torch.distributed.destroy_process_group()
 
 
 def _trained(options: TrainOptions, folder: RunFolder, stop: StopSignals) -> float | tuple[float, ...]:
-    """What comes of a run, now or before."""
+    """Train unless the run is finished, and return the objective of its best epoch."""
     if not folder.finished:
         with reported(JobStatus(folder.path)) as status:
             _run(options, folder, stop, status)
@@ -189,40 +189,40 @@ def _fit_and_test(
         trainer.fit(task, datamodule=data, ckpt_path=folder.cut_off, weights_only=True)
     if best.best_model_score is None:
         raise UserError(f"{WATCHED} was never finite: nothing to evaluate; lower optimizer.lr")
-    if is_first() and not last.path.is_file():  # the best one was all that was left, and is of the last epoch
+    if is_first() and not last.path.is_file():  # only the best checkpoint was left, of the last epoch
         write_whole(last.path, best.path.read_bytes())
-    found = best_network(folder)
+    trained = best_network(folder)
     with as_user_errors(_smaller(options)):
         keep = options.callbacks.predictions
-        score_best(options, folder, found, data, results, trainer.strategy.root_device, keep)
+        score_best(options, folder, trained, data, results, trainer.strategy.root_device, keep)
     summary = {}
     if is_first():
         if options.trainer.limit_test_batches is not None:
             print("note: tested on some batches of the test split alone", flush=True)
-        scores = {**best.metrics, "epoch": int(found.content["epoch"])}
+        scores = {**best.metrics, "epoch": int(trained.content["epoch"])}
         results.table.save()
         tables = [logger for logger in loggers if isinstance(logger, MetricsFile)]
-        summary = results.write(found.network, best.path, scores, tables)
+        summary = results.write(trained.network, best.path, scores, tables)
         folder.finish(scores, summary["metrics"], status.seconds)
     others = [logger for logger in loggers if not isinstance(logger, MetricsFile)]
-    shown = decorate(folder, results, summary, found, others)
+    shown = decorate(folder, results, summary, trained, others)
     if is_first():
         results.show(shown, best.path)
 
 
 def joining(options: TrainOptions, task: SupervisedTask) -> list[Callback]:
-    """The callbacks that options name or ask for; they come before those that save."""
+    """Build the callbacks that the options name or imply; they come before those that save."""
     named: list[Callback] = callbacks_of(options.callbacks.more)
     for note in unheard(named) if is_first() else ():
         print(note, flush=True)
-    asked: list[Callback] = [] if options.trainer.overfit_batches is None else [SameBatches()]
+    implied: list[Callback] = [] if options.trainer.overfit_batches is None else [SameBatches()]
     if options.model.unfreeze_at is not None:
-        asked.append(Unfreeze(task.network.get_submodule("encoder"), options.model.unfreeze_at))
-    return [*asked, *named, *([StoppedEarly()] if named else [])]
+        implied.append(Unfreeze(task.network.get_submodule("encoder"), options.model.unfreeze_at))
+    return [*implied, *named, *([StoppedEarly()] if named else [])]
 
 
 def _smaller(options: TrainOptions) -> str:
-    """What to change where memory is out: the same steps from half as much at a time."""
+    """Suggest what to change if there is too little memory: the same steps with half as much at a time."""
     size, accumulate = options.data.batch_size, options.trainer.accumulate
     if size > 1:
         halved = f"data.batch_size={size // 2} trainer.accumulate={accumulate * 2}"

@@ -1,4 +1,4 @@
-"""Lightning's Trainer as this program sets it up."""
+"""Construction of Lightning's Trainer."""
 
 import sys
 from collections.abc import Callable
@@ -30,22 +30,22 @@ def make_trainer(
     adversarial: bool = False,
     folder: Path | None = None,
 ) -> Trainer:
-    """Lightning's Trainer; samplers are ours, so that evaluation counts each frame once under DDP.
+    """Build Lightning's Trainer; samplers are our own, so that a test counts each frame once under DDP.
 
     Args:
-        given: what it is told.
-        callbacks: of it.
-        loggers: of it.
-        adversarial: whether two networks learn in turn.
-        folder: where a profiler writes.
+        given: options of the Trainer.
+        callbacks: callbacks of the Trainer.
+        loggers: loggers of the Trainer.
+        adversarial: whether two networks are trained in turn.
+        folder: folder of the run, where a profiler writes.
     """
-    # Two networks that learn in turn leave each other's gradients out; an encoder may be kept at first.
+    # Two networks that are trained in turn, or a frozen encoder, leave some parameters without gradients.
     in_turn = adversarial or any(isinstance(callback, Unfreeze) for callback in callbacks)
     parts_unused = in_turn and (given.strategy == "ddp" or given.processes != 1)
     strategy = "ddp_find_unused_parameters_true" if parts_unused else given.strategy
     return Trainer(
         max_epochs=given.max_epochs,
-        accelerator=device_for(given.accelerator).type,  # no MPS: metrics are float64
+        accelerator=device_for(given.accelerator).type,  # MPS is not supported: metrics are float64
         devices=given.devices,
         strategy=strategy,
         precision=given.precision,
@@ -77,7 +77,7 @@ def make_trainer(
 
 
 def _profiler(name: str | None, folder: Path | None) -> Any:
-    """One that writes into the folder `profile` of a run."""
+    """Build a profiler that writes into the folder `profile` of a run."""
     if name is None or folder is None:
         return None
     place = folder / "profile"
@@ -86,6 +86,6 @@ def _profiler(name: str | None, folder: Path | None) -> Any:
 
 
 def _plugins() -> list[Any]:
-    """Checkpoints that are whole or not there; on a cluster, no requeueing by Lightning."""
+    """Return plugins: atomic checkpoints, and on a cluster no requeueing by Lightning."""
     cluster = [SLURMEnvironment(auto_requeue=False)] if SLURMEnvironment.detect() else []
     return [CheckpointFiles(), *cluster]

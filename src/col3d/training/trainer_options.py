@@ -1,4 +1,4 @@
-"""What Lightning's Trainer is given, and which of its arguments make no sense in a training that goes on."""
+"""Options of Lightning's Trainer, and arguments of it that are refused because a training can be resumed."""
 
 from typing import Annotated, Any, Literal
 
@@ -66,7 +66,7 @@ class TrainerOptions(Options):
     @model_validator(mode="before")
     @classmethod
     def _serve_here(cls, given: Any) -> Any:
-        """Say of arguments that Lightning takes why they are not taken here."""
+        """Refuse arguments of Lightning's Trainer that are not offered here, with the reason."""
         known = REASONS if isinstance(given, dict) else {}
         if lines := [f"trainer.{name}: {known[name]}" for name in given if name in known]:
             raise OptionError("\n".join(lines))
@@ -88,11 +88,11 @@ class TrainerOptions(Options):
 
     @property
     def processes(self) -> int | str:
-        """How many train together, as far as that is known."""
+        """Number of processes, or "auto" if it is not known yet."""
         return self.devices if self.devices == "auto" else self.devices * self.num_nodes
 
     def tried(self) -> "TrainerOptions":
-        """The same for `fast_dev_run`: so many batches of everything."""
+        """Return the options of a trial run: one epoch with `fast_dev_run` batches of everything."""
         batches = int(self.fast_dev_run or 1)
         limits = ("limit_train_batches", "limit_val_batches", "limit_test_batches")
         nothing = dict.fromkeys(("fast_dev_run", "check_val_every_n_epoch", "min_epochs", "overfit_batches"))

@@ -1,4 +1,4 @@
-"""A training of a few batches in a folder that is thrown away: does everything run?"""
+"""Trial run (`fast_dev_run`): train on a few batches in a temporary folder to see whether everything runs."""
 
 import os
 import shutil
@@ -11,16 +11,16 @@ from col3d.runs.rank import is_first
 from col3d.training.options import TrainOptions
 
 FOLDER = "COL3D_FAST_DEV_RUN"
-"""By which the processes of one training know where they try."""
+"""Environment variable with the temporary folder, shared by the processes of one training."""
 
 WENT_THROUGH = "batch(es) of training, validation and test went through; nothing is kept"
 
 
 @contextmanager
 def trial(options: TrainOptions) -> Iterator[TrainOptions]:
-    """The same training with a few batches of everything, without loggers and in a folder of its own.
+    """Yield the options of a trial run: a few batches of everything, no loggers, a temporary folder.
 
-    Nothing is written into the folder of the run, so that nothing there can pass for one.
+    Nothing is written into the folder of the run, so that a trial cannot be mistaken for a run.
     """
     inherited = os.environ.get(FOLDER)
     place = Path(inherited or tempfile.mkdtemp(prefix="col3d_"))
@@ -34,5 +34,5 @@ def trial(options: TrainOptions) -> Iterator[TrainOptions]:
         os.environ.pop(FOLDER, None)
         if inherited is None:
             shutil.rmtree(place, ignore_errors=True)
-        with suppress(OSError):  # it holds something, or is not there
+        with suppress(OSError):  # it is not empty, or does not exist
             Path(options.output_dir).rmdir()

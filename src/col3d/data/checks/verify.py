@@ -85,7 +85,7 @@ def _verify(options: VerifyOptions, stop: StopSignals) -> int:
     pictures = pictures_of(frames, frames_to_show(plans, reports, findings))
     stop.hold()  # for a moment, after which all of it is there
     _write(owned, facts, pictures)
-    stop.asked = None  # a signal that came too late for anything to be lost by it
+    stop.pending = None  # a signal that came too late for anything to be lost by it
     return sum(finding.fault for finding in findings)
 
 

@@ -1,1 +1,1 @@
-"""A page in the browser for one network: give it an image or a short video and look at depth and normals."""
+"""Demo in the browser for one network: shows depth and normals of an image or a short video."""

@@ -1,4 +1,4 @@
-"""What a network says of one image, and the pictures of it."""
+"""The prediction for one image, and the pictures of it."""
 
 from dataclasses import dataclass
 
@@ -19,21 +19,21 @@ from col3d.reports.previews import depth_picture, normals_picture, with_colour_b
 
 SCORES = ("abs_rel", "rmse", "delta1")
 SHOWN_SIDE = 420
-"""Pixels of the longer side of pictures with a scale, whose letters would else shrink with the page."""
+"""Pixels of the longer side of pictures with a scale, so that its letters do not shrink with the page."""
 Picture = UInt8[np.ndarray, "_ _ 3"]
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What a network says of one image.
+    """A network's prediction for one image.
 
     Attributes:
-        image: RGB, at the size that is shown.
-        depth: mm; without a camera as a share of the largest, which is all that can be said.
-        normals: unit vectors; None where the network has none.
-        mask: what the endoscope shows.
-        camera: None where nobody knows it.
-        truth: None where it was not given, or means nothing without a camera.
+        image: RGB, at the displayed size.
+        depth: depth in mm; without a camera relative to the largest, because the scale is unknown.
+        normals: unit vectors; None if the network predicts none.
+        mask: pixels that the endoscope shows.
+        camera: camera of the image; None if unknown.
+        truth: ground truth; None if it was not given, or cannot be compared without a camera.
         known_lens: whether the network was trained with this lens.
     """
 
@@ -47,26 +47,26 @@ class Answer:
 
     @property
     def unit(self) -> str:
-        """What the colour bar counts in."""
+        """Unit of the colour bar."""
         return "relative" if self.camera is None else "mm"
 
     @property
     def span(self) -> tuple[float, float]:
-        """Range of the colours to begin with: depth of all but the outermost hundredth of the pixels."""
+        """Initial range of the colours: the 1st and 99th percentiles of depth."""
         low, high = np.quantile(self.depth[self.mask], [0.01, 0.99])
         return float(low), float(high)
 
     def depth_picture(self, low: float, high: float) -> Picture:
-        """Depth in colours from `low` to `high`, with their scale."""
+        """Draw depth in colours from `low` to `high`, with their scale."""
         low, high = min(low, high), max(low, high)
         return _with_scale(depth_picture(self.depth, low, high, self.mask), low, high, self.unit, "viridis")
 
     def normals_picture(self) -> Picture | None:
-        """X to red, -y to green, -z to blue."""
+        """Draw normals: x as red, -y as green, -z as blue."""
         return None if self.normals is None else shown(normals_picture(self.normals, self.mask))
 
     def error_picture(self) -> Picture | None:
-        """Absolute error in mm, where the truth is known."""
+        """Draw the absolute error in mm; None without ground truth."""
         if self.truth is None:
             return None
         error, counts = np.abs(self.depth - self.truth.depth), self.mask & self.truth.mask
@@ -74,28 +74,28 @@ class Answer:
         return _with_scale(depth_picture(error, 0.0, high, counts, "magma"), 0.0, high, "mm", "magma")
 
     def scores(self) -> dict[str, float]:
-        """Metrics of depth against the truth, by their headings."""
+        """Compute metrics of depth against the ground truth, by their headings."""
         if self.truth is None:
             return {}
         counts = self.mask & self.truth.mask
         preds, target, mask = (
             torch.from_numpy(values)[None, None] for values in (self.depth, self.truth.depth, counts)
         )
-        found = depth_metrics(preds, target, mask)
-        return {OURS[name].screen_title: float(found[name]) for name in SCORES}
+        metrics = depth_metrics(preds, target, mask)
+        return {OURS[name].screen_title: float(metrics[name]) for name in SCORES}
 
 
 def answer(network: Predictor, image: Picture, option: CameraOption, truth: Truth | None = None) -> Answer:
     """Predict one image.
 
     Args:
-        network: whose word it is.
-        image: RGB of any size; what is larger than is shown is made smaller first.
-        option: names the camera; see `lens_of`.
-        truth: at the size of the image; left aside without a camera, for it is in mm.
+        network: the predictor.
+        image: RGB of any size; reduced first if it is larger than the displayed size.
+        option: the camera; see `lens_of`.
+        truth: ground truth at the size of the image; ignored without a camera, because it is in mm.
 
     Raises:
-        DataError: the camera does not fit the image, or is missing where it is needed.
+        DataError: the camera does not fit the image, or is required and missing.
         UserError: there is no such camera.
     """
     size_hw = (image.shape[0], image.shape[1])
@@ -121,16 +121,16 @@ def answer(network: Predictor, image: Picture, option: CameraOption, truth: Trut
 def predicted(
     network: Predictor, image: Picture, camera: Camera | None
 ) -> tuple[Float[np.ndarray, "h w"], Float[np.ndarray, "h w 3"] | None]:
-    """Depth in mm and normals of one image."""
+    """Predict depth in mm and normals of one image."""
     pixels = torch.from_numpy(np.array(image)).permute(2, 0, 1)[None]
-    found = network.predict(pixels, camera)
-    depth = found["depth"][0, 0].cpu().numpy()
-    normals = found["normals"][0].permute(1, 2, 0).cpu().numpy() if "normals" in found else None
+    prediction = network.predict(pixels, camera)
+    depth = prediction["depth"][0, 0].cpu().numpy()
+    normals = prediction["normals"][0].permute(1, 2, 0).cpu().numpy() if "normals" in prediction else None
     return depth, normals
 
 
 def shown(picture: Picture, most_side: int = MOST_SIDE) -> Picture:
-    """The picture between `SHOWN_SIDE` and so many pixels long; what is smaller, with visible pixels."""
+    """Resize a picture to between `SHOWN_SIDE` and `most_side` pixels; small ones keep visible pixels."""
     height, width = picture.shape[:2]
     share = SHOWN_SIDE / max(height, width)
     if share <= 1:

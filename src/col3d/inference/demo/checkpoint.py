@@ -1,4 +1,4 @@
-"""Which network the page shows when nobody says."""
+"""The default checkpoint of the demo."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ from col3d.runs.folder import CHECKPOINTS
 
 
 def newest_checkpoint(runs: Path) -> Path:
-    """The best checkpoint of the run that finished last, or the network that is shipped where none has.
+    """Return the best checkpoint of the run that finished last, or the shipped network if there is none.
 
     Args:
         runs: a folder of runs and of sweeps.

@@ -1,4 +1,4 @@
-"""A short video with its depth and normals beside it."""
+"""Prediction of a short video, written with depth and normals side by side."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -19,23 +19,23 @@ CLIP_SIDE = 320
 
 
 def write_clip(
-    network: Predictor, clip: Clip, option: CameraOption, path: Path, told: Callable[[float], None]
+    network: Predictor, clip: Clip, option: CameraOption, path: Path, progress: Callable[[float], None]
 ) -> tuple[float, float]:
     """Predict every frame, then write image, depth and normals side by side.
 
     Args:
-        network: whose word it is.
+        network: the predictor.
         clip: frames of one size.
-        option: names the camera; see `lens_of`.
-        path: of the MP4 file.
-        told: called with the share that is done.
+        option: the camera; see `lens_of`.
+        path: path of the MP4 file.
+        progress: called with the share of frames that are done.
 
     Returns:
         The range of depth that the colours span, over the whole video.
 
     Raises:
-        DataError: the camera does not fit the frames, or is missing where it is needed.
-        OSError: no video can be written here.
+        DataError: the camera does not fit the frames, or is required and missing.
+        OSError: the video cannot be written.
     """
     size_hw = (clip.frames[0].shape[0], clip.frames[0].shape[1])
     lens = lens_of(option)
@@ -47,7 +47,7 @@ def write_clip(
     answers = []
     for number, frame in enumerate(clip.frames):
         answers.append(predicted(network, frame, camera))
-        told((number + 1) / len(clip.frames))
+        progress((number + 1) / len(clip.frames))
     largest = max(depth.max() for depth, _ in answers) if camera is None else 1.0
     depths = [depth / largest for depth, _ in answers]
     low, high = (float(np.quantile([depth[mask] for depth in depths], share)) for share in (0.01, 0.99))

@@ -1,14 +1,14 @@
-"""Who may ask the page's server for what: pages of others in the same browser get nothing from it."""
+"""Access control of the demo's server: pages of other sites in the same browser are refused."""
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 NAMES = ("127.0.0.1", "localhost")
-"""What this machine is called in an address; a tunnel to it may end at another port."""
+"""Names of this machine in an address; the port may differ, because of a tunnel."""
 FILES = ("/gradio_api/file", "/gradio_api/proxy")
 ELSEWHERE = ("=http:", "=https:", "proxy=")
-"""In a path, what would be fetched from another machine."""
+"""Parts of a path that would make the server fetch from another machine."""
 FOR_ALL = {
     "X-Content-Type-Options": "nosniff",
     "X-Frame-Options": "SAMEORIGIN",
@@ -16,25 +16,25 @@ FOR_ALL = {
     "Cross-Origin-Resource-Policy": "same-origin",
 }
 FOR_FILES = {"Content-Security-Policy": "default-src 'none'; sandbox"}
-"""Whatever a visitor uploaded, a browser runs nothing of it."""
+"""Headers of uploaded files, so that a browser executes nothing in them."""
 
 
 class Guard:
-    """Middleware that answers requests only where Host and Origin are the page's own.
+    """Middleware that refuses requests unless Host and Origin are those of the page.
 
-    A page of another site cannot read what is answered, but can post, and by pointing its own name at this
-    machine (DNS rebinding) could read too: its name is then in Host.
+    A page of another site cannot read responses, but can post; by pointing its own name at this machine (DNS
+    rebinding) it could read, too, but its name is then in Host.
 
     Args:
-        app: what answers.
+        app: the application that answers requests.
     """
 
     def __init__(self, app: ASGIApp) -> None:
         self.app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer, or refuse."""
-        if scope["type"] not in ("http", "websocket"):  # the start and the end of the program
+        """Pass a request to the application, or refuse it."""
+        if scope["type"] not in ("http", "websocket"):  # start and shutdown events
             await self.app(scope, receive, send)
             return
         if reason := refusal(str(scope.get("method", "GET")), str(scope["path"]), Headers(scope=scope)):
@@ -51,12 +51,12 @@ class Guard:
 
 
 def refusal(method: str, path: str, headers: Headers) -> str:
-    """Why a request is not answered; empty where it is.
+    """Return why a request is refused; empty if it is answered.
 
     Args:
-        method: of HTTP.
-        path: of the address, unquoted.
-        headers: of the request.
+        method: HTTP method.
+        path: unquoted path of the address.
+        headers: headers of the request.
     """
     host = headers.get("host", "")
     if host.rpartition(":")[0] not in NAMES and host not in NAMES:

@@ -1,4 +1,4 @@
-"""Where things stand on the page."""
+"""Layout of the page: its components and style."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -28,17 +28,17 @@ footer { display: none !important; }
 
 
 def head(name: str, trained_on: Sequence[str]) -> None:
-    """Heading, what it does, and what it is not."""
+    """Add the heading, a description and the medical notice."""
     data = f", trained on {' and '.join(trained_on)}" if trained_on else ""
     gr.Markdown(HEAD.format(name=name, data=data))
     gr.HTML(NOTICE)
 
 
 def questions(camera: str, pinhole: Sequence[float], offered: Sequence[Sample]) -> dict[str, Any]:
-    """The components that a visitor fills, by name."""
-    found: dict[str, Any] = {"file": gr.File(label="Image or video", height=140, elem_id="file")}
+    """Add the input components, and return them by name."""
+    components: dict[str, Any] = {"file": gr.File(label="Image or video", height=140, elem_id="file")}
     if offered:
-        found["offered"] = gr.Gallery(
+        components["offered"] = gr.Gallery(
             [(str(sample.image), sample.caption) for sample in offered],
             label="Examples, of a phantom",
             columns=2,
@@ -48,50 +48,50 @@ def questions(camera: str, pinhole: Sequence[float], offered: Sequence[Sample]) 
             buttons=[],
             elem_id="examples",
         )
-    found["camera"] = gr.Radio(list(cameras().items()), value=camera, label="Camera", elem_id="camera")
-    with gr.Row(visible=camera == PINHOLE) as found["numbers"]:
+    components["camera"] = gr.Radio(list(cameras().items()), value=camera, label="Camera", elem_id="camera")
+    with gr.Row(visible=camera == PINHOLE) as components["numbers"]:
         given = [*pinhole, None, None, None, None][:4]
-        found["pinhole"] = [
+        components["pinhole"] = [
             gr.Number(value, label=f"{name}, pixels", min_width=120)
             for name, value in zip(("fx", "fy", "cx", "cy"), given, strict=True)
         ]
-    found["truth"] = gr.File(label="True depth, if there is one", height=140, elem_id="truth")
-    return found
+    components["truth"] = gr.File(label="True depth, if there is one", height=140, elem_id="truth")
+    return components
 
 
 def answers() -> dict[str, Any]:
-    """The components that show what came of it, by name."""
-    found: dict[str, Any] = {
-        "words": gr.HTML(said(NOTHING_YET), elem_id="words"),
+    """Add the output components, and return them by name."""
+    components: dict[str, Any] = {
+        "words": gr.HTML(message_box(NOTHING_YET), elem_id="words"),
         "answer": gr.State(),
     }
-    with gr.Column(visible=False, elem_id="pictures") as found["pictures"]:
+    with gr.Column(visible=False, elem_id="pictures") as components["pictures"]:
         with gr.Row():
-            found["image"] = _picture("Image", "image")
-            found["depth"] = _picture("Depth", "depth")
+            components["image"] = _picture("Image", "image")
+            components["depth"] = _picture("Depth", "depth")
         with gr.Row():
-            found["low"] = gr.Slider(0, 100, 0, label="Colours of depth from", buttons=[], elem_id="low")
-            found["high"] = gr.Slider(0, 100, 100, label="to", buttons=[], elem_id="high")
+            components["low"] = gr.Slider(0, 100, 0, label="Colours of depth from", buttons=[], elem_id="low")
+            components["high"] = gr.Slider(0, 100, 100, label="to", buttons=[], elem_id="high")
         with gr.Row():
             with gr.Column():
-                found["normals"] = _picture("Normals: red right, green up, blue towards us", "normals")
+                components["normals"] = _picture("Normals: red right, green up, blue towards us", "normals")
             with gr.Column():
-                found["cloud"] = gr.Model3D(
+                components["cloud"] = gr.Model3D(
                     label="Points: drag to turn, scroll to zoom", height=380, elem_id="cloud", buttons=[]
                 )
-        with gr.Row(visible=False) as found["comparison"]:
+        with gr.Row(visible=False) as components["comparison"]:
             with gr.Column():
-                found["error"] = _picture("Absolute error", "error")
+                components["error"] = _picture("Absolute error", "error")
             with gr.Column():
-                found["scores"] = gr.HTML(elem_id="scores")
-    found["video"] = gr.Video(
+                components["scores"] = gr.HTML(elem_id="scores")
+    components["video"] = gr.Video(
         label="Result", show_label=False, visible=False, autoplay=True, loop=True, elem_id="video"
     )
-    return found
+    return components
 
 
-def said(words: str, refused: bool = False) -> str:
-    """Words in a box that tells what was done from what was not."""
+def message_box(words: str, refused: bool = False) -> str:
+    """Format a message as a box, whose style shows whether the request was refused."""
     return f"<span class='{'refused' if refused else 'said'}'>{words}</span>"
 
 

@@ -1,4 +1,4 @@
-"""The page: what calls what. Where things stand is in `layout`, what they show in `replies`."""
+"""The page and its events. The layout is in `layout`, the content of replies in `replies`."""
 
 import math
 from collections.abc import Sequence
@@ -8,74 +8,75 @@ from typing import Any
 import gradio as gr
 
 from col3d.inference.demo.answer import Answer, Picture, shown
-from col3d.inference.demo.layout import answers, head, questions, said
+from col3d.inference.demo.layout import answers, head, message_box, questions
 from col3d.inference.demo.replies import PINHOLE, Question, Reply, reply, scores_table
 from col3d.inference.demo.samples import Sample
 from col3d.inference.predictor import Predictor
 
 FORGET_SECONDS = 3600
-"""After which uploads are deleted while the program goes on."""
+"""Seconds after which uploads are deleted while the program runs."""
 HIDDEN: dict[str, Any] = {"api_visibility": "private"}
 
 
 def page(
     network: Predictor, camera: str, pinhole: Sequence[float], offered: Sequence[Sample], folder: Path
 ) -> gr.Blocks:
-    """Lay it out and connect it.
+    """Build the page and connect its events.
 
     Args:
-        network: that predicts.
-        camera: what the page begins with, of the values of `cameras()`.
-        pinhole: fx, fy, cx, cy to begin with, or nothing.
-        offered: images to try.
-        folder: for files that the page shows.
+        network: the predictor.
+        camera: initial choice, one of the values of `cameras()`.
+        pinhole: initial fx, fy, cx, cy, or nothing.
+        offered: example images.
+        folder: folder for files that the page shows.
     """
     forget = (FORGET_SECONDS, FORGET_SECONDS)
     with gr.Blocks(title="col3d", analytics_enabled=False, delete_cache=forget) as blocks:
         head(network.name, network.trained_on)
         with gr.Row():
             with gr.Column(scale=2, min_width=300):
-                asked = questions(camera, pinhole, offered)
+                fields = questions(camera, pinhole, offered)
             with gr.Column(scale=5):
-                shown = answers()
-        _connect(network, asked, shown, offered, folder)
+                views = answers()
+        _connect(network, fields, views, offered, folder)
     return blocks
 
 
 def _connect(
-    network: Predictor, asked: dict[str, Any], shown: dict[str, Any], offered: Sequence[Sample], folder: Path
+    network: Predictor, fields: dict[str, Any], views: dict[str, Any], offered: Sequence[Sample], folder: Path
 ) -> None:
-    inputs = [asked["file"], asked["truth"], asked["camera"], *asked["pinhole"]]
-    outputs = list(shown.values())
+    inputs = [fields["file"], fields["truth"], fields["camera"], *fields["pinhole"]]
+    outputs = list(views.values())
 
-    def predict(*given: Any, progress: Any = gr.Progress()) -> dict[Any, Any]:  # noqa: B008 - as Gradio wants it
+    def predict(*given: Any, progress: Any = gr.Progress()) -> dict[Any, Any]:  # noqa: B008 - as Gradio requires
         file, truth, camera, *pinhole = given
-        found = reply(network, Question(file, truth, camera, tuple(pinhole)), folder, progress)
-        return {shown[name]: value for name, value in updates(found).items()}
+        response = reply(network, Question(file, truth, camera, tuple(pinhole)), folder, progress)
+        return {views[name]: value for name, value in updates(response).items()}
 
     def chosen(event: gr.SelectData) -> list[str | None]:
         sample = offered[event.index]
         return [str(sample.image), None if sample.truth is None else str(sample.truth)]
 
-    changes = [asked["truth"].upload, asked["truth"].clear, asked["camera"].input]
-    changes += [event for number in asked["pinhole"] for event in (number.submit, number.blur)]
+    changes = [fields["truth"].upload, fields["truth"].clear, fields["camera"].input]
+    changes += [event for number in fields["pinhole"] for event in (number.submit, number.blur)]
     gr.on(changes, predict, inputs, outputs, trigger_mode="always_last", **HIDDEN)
-    another = gr.on([asked["file"].upload, asked["file"].clear], lambda: None, None, asked["truth"], **HIDDEN)
-    another.then(predict, inputs, outputs, **HIDDEN)  # a truth is of one image
-    asked["camera"].input(
-        lambda camera: gr.Row(visible=camera == PINHOLE), asked["camera"], asked["numbers"], **HIDDEN
+    changed = [fields["file"].upload, fields["file"].clear]
+    another = gr.on(changed, lambda: None, None, fields["truth"], **HIDDEN)
+    another.then(predict, inputs, outputs, **HIDDEN)  # a ground truth belongs to one image
+    fields["camera"].input(
+        lambda camera: gr.Row(visible=camera == PINHOLE), fields["camera"], fields["numbers"], **HIDDEN
     )
     if offered:
-        files = [asked["file"], asked["truth"]]
-        chosen_event = asked["offered"].select(chosen, None, files, show_progress="hidden", **HIDDEN)
+        files = [fields["file"], fields["truth"]]
+        chosen_event = fields["offered"].select(chosen, None, files, show_progress="hidden", **HIDDEN)
         chosen_event.then(predict, inputs, outputs, **HIDDEN)
-    moved = [shown["low"].input, shown["high"].input]
-    sliders = [shown["answer"], shown["low"], shown["high"]]
+    moved = [views["low"].input, views["high"].input]
+    sliders = [views["answer"], views["low"], views["high"]]
     gr.on(
         moved,
         recoloured,
         sliders,
-        shown["depth"],
+        views["depth"],
         trigger_mode="always_last",
         show_progress="hidden",
         **HIDDEN,
@@ -83,19 +84,19 @@ def _connect(
 
 
 def recoloured(answer: Answer | None, low: float, high: float) -> Picture | None:
-    """Depth in other colours, of what was predicted before."""
+    """Draw the depth of an earlier answer in other colours."""
     return None if answer is None else answer.depth_picture(low, high)
 
 
-def updates(found: Reply) -> dict[str, Any]:
-    """What each component of the answers becomes, by name."""
-    shown: dict[str, Any] = {
-        "words": said(found.words, found.refused),
-        "answer": found.answer,
-        "pictures": gr.Column(visible=found.answer is not None),
-        "video": gr.Video(found.video, visible=found.video is not None),
+def updates(response: Reply) -> dict[str, Any]:
+    """Return the new values of the output components, by name."""
+    values: dict[str, Any] = {
+        "words": message_box(response.words, response.refused),
+        "answer": response.answer,
+        "pictures": gr.Column(visible=response.answer is not None),
+        "video": gr.Video(response.video, visible=response.video is not None),
     }
-    return shown if found.answer is None else {**shown, **_pictures(found.answer, found.cloud)}
+    return values if response.answer is None else {**values, **_pictures(response.answer, response.cloud)}
 
 
 def _pictures(answer: Answer, cloud: str | None) -> dict[str, Any]:

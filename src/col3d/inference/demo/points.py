@@ -1,4 +1,4 @@
-"""The points of an answer as a file that the page's viewer turns."""
+"""Point clouds of answers, as files for the page's viewer."""
 
 from pathlib import Path
 
@@ -13,17 +13,17 @@ from col3d.reports.clouds import write_cloud
 
 MOST_POINTS = 200_000
 RIM = 0.015
-"""Share of the width by which the octagon's rim is left out: beside it networks guess."""
+"""Share of the width by which the octagon's rim is left out, where predictions are unreliable."""
 VIEWERS = np.array([1.0, -1.0, -1.0], np.float32)
-"""Viewers have y up and look along -z; cameras have y down and look along z."""
+"""Signs that convert camera axes (y down, looking along z) to a viewer's (y up, looking along -z)."""
 
 
 def write_points(answer: Answer, path: Path) -> None:
     """Write points in mm with the image's colours, upright in viewers, as PLY.
 
     Args:
-        answer: with a camera.
-        path: of the file.
+        answer: answer with a camera.
+        path: path of the file.
     """
     assert answer.camera is not None
     depth = torch.from_numpy(answer.depth)[None, None]

@@ -1,4 +1,4 @@
-"""From what a visitor chose to what the page shows: no part of the page itself is in here."""
+"""Replies to a visitor's input, independent of the page itself."""
 
 import html
 import tempfile
@@ -20,20 +20,20 @@ NOTHING_YET = "Choose an image or a short video, or click one of the examples."
 
 
 def cameras() -> dict[str, str]:
-    """Captions of the choices of a camera, and what they stand for."""
+    """Return the choices of a camera: values by caption."""
     known = {part.facts["label"]: name for name, part in lenses().items()}
     return {**known, "own pinhole": PINHOLE, "unknown": UNKNOWN}
 
 
 @dataclass(frozen=True)
 class Question:
-    """What a visitor chose.
+    """A visitor's input.
 
     Attributes:
-        file: the image or video; None before there is one.
-        truth: the file of its true depth, if any.
+        file: path of the image or video; None before there is one.
+        truth: path of its true depth, if any.
         camera: a value of `cameras()`.
-        pinhole: fx, fy, cx, cy in pixels; without effect for other cameras.
+        pinhole: fx, fy, cx, cy in pixels; ignored for other cameras.
     """
 
     file: str | None
@@ -43,7 +43,7 @@ class Question:
 
     @property
     def option(self) -> CameraOption:
-        """The camera as programs are told it.
+        """The camera as the option of programs.
 
         Raises:
             DataError: the pinhole has no focal lengths.
@@ -58,7 +58,7 @@ class Question:
 
 @dataclass(frozen=True)
 class Reply:
-    """What the page shows: words, and an answer or a video, or neither where something was refused."""
+    """Content for the page: a message, and an answer or a video, or neither if the input was refused."""
 
     words: str
     refused: bool = False
@@ -67,21 +67,21 @@ class Reply:
     video: str | None = None
 
 
-def reply(network: Predictor, question: Question, folder: Path, told: Callable[[float], None]) -> Reply:
-    """Read, predict, and tell in words what came of it; bad input is refused in words, never raised.
+def reply(network: Predictor, question: Question, folder: Path, progress: Callable[[float], None]) -> Reply:
+    """Read and predict a visitor's input; bad input gives a message and raises nothing.
 
     Args:
-        network: whose word it is.
-        question: what the visitor chose.
-        folder: for files that the page shows.
-        told: called with the share of a video that is done.
+        network: the predictor.
+        question: the visitor's input.
+        folder: folder for files that the page shows.
+        progress: called with the share of a video that is done.
     """
     if question.file is None:
         return Reply(NOTHING_YET)
     try:
         path = Path(question.file)
         return (
-            _of_video(network, path, question, folder, told)
+            _of_video(network, path, question, folder, progress)
             if is_video(path)
             else _of_image(network, path, question, folder)
         )
@@ -96,23 +96,23 @@ def reply(network: Predictor, question: Question, folder: Path, told: Callable[[
 def _of_image(network: Predictor, path: Path, question: Question, folder: Path) -> Reply:
     image = read_photo(path)
     truth = None if question.truth is None else read_truth(Path(question.truth), image.shape[:2])
-    found = answer(network, image, question.option, truth)
+    response = answer(network, image, question.option, truth)
     several = pictures_in(path)
     first = f"; the first of {several} pictures in it" if several > 1 else ""
-    if found.camera is None:
+    if response.camera is None:
         aside = "" if truth is None else "; the true depth, in mm, is left aside"
-        return Reply(_words(path.name, found) + aside + first, answer=found)
+        return Reply(_words(path.name, response) + aside + first, answer=response)
     cloud = _new_file(folder, ".ply")
-    write_points(found, cloud)
-    return Reply(_words(path.name, found) + first, answer=found, cloud=str(cloud))
+    write_points(response, cloud)
+    return Reply(_words(path.name, response) + first, answer=response, cloud=str(cloud))
 
 
 def _of_video(
-    network: Predictor, path: Path, question: Question, folder: Path, told: Callable[[float], None]
+    network: Predictor, path: Path, question: Question, folder: Path, progress: Callable[[float], None]
 ) -> Reply:
     clip = read_clip(path, CLIP_SIDE)
     video = _new_file(folder, ".mp4")
-    low, high = write_clip(network, clip, question.option, video, told)
+    low, high = write_clip(network, clip, question.option, video, progress)
     unit = "" if question.option is None else " mm"
     words = f"{len(clip.frames)} frames, depth {low:.2g} to {high:.2g}{unit}"
     if question.option is None:
@@ -120,14 +120,14 @@ def _of_video(
     return Reply(f"<b>{html.escape(path.name)}</b>: {words}", video=str(video))
 
 
-def _words(name: str, found: Answer) -> str:
-    height, width = found.depth.shape
+def _words(name: str, response: Answer) -> str:
+    height, width = response.depth.shape
     begin = f"<b>{html.escape(name)}</b>, shown at {width} x {height}: "
-    if found.camera is None:
+    if response.camera is None:
         return f"{begin}relative depth, no metric claim and no points, for the camera is unknown"
-    low, high = found.span
+    low, high = response.span
     words = f"{begin}depth {low:.1f} to {high:.1f} mm"
-    if not found.known_lens:
+    if not response.known_lens:
         words += "; the network was not trained with this lens, take millimetres with caution"
     return words
 
@@ -138,6 +138,6 @@ def _new_file(folder: Path, ending: str) -> Path:
 
 
 def scores_table(scores: Mapping[str, float]) -> str:
-    """Metrics as HTML."""
+    """Format metrics as an HTML table."""
     rows = "".join(f"<tr><td>{name}</td><td>{value:.3f}</td></tr>" for name, value in scores.items())
     return f"<table><tr><th>Depth against the truth</th><th></th></tr>{rows}</table>"

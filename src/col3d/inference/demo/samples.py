@@ -1,4 +1,4 @@
-"""Images to try the page with: frames of the phantom, rendered once."""
+"""Example images of the demo: frames of the phantom, rendered once."""
 
 import shutil
 from dataclasses import dataclass
@@ -12,14 +12,14 @@ CAPTIONS = {
     "desc_t4_a": "descending",
     "sigmoid_t3_b": "sigmoid",
 }
-"""Videos of the phantom, of which the second frame is offered."""
+"""Videos of the phantom whose second frame is offered, with captions."""
 WITH_TRUTH = "trans_t3_b"
 SETTINGS = PhantomSettings(size_hw=(540, 675), frames_per_video=2, videos=tuple(CAPTIONS))
 
 
 @dataclass(frozen=True)
 class Sample:
-    """An image, its true depth where it is offered, and a caption."""
+    """An example image, its true depth if offered, and a caption."""
 
     image: Path
     truth: Path | None
@@ -27,16 +27,16 @@ class Sample:
 
 
 def samples(cache: Path, folder: Path) -> list[Sample]:
-    """The images, rendered below `cache` where they are not there yet, and copied into `folder`.
+    """Return the example images, rendered into `cache` if missing, and copied into `folder`.
 
     Raises:
-        DataError: the folder holds something else.
+        DataError: the cache holds something else.
     """
     render_phantom(cache, SETTINGS, workers=1, progress=False)
-    found = []
+    images = []
     for video, caption in CAPTIONS.items():
         image = Path(shutil.copy(cache / video / "0001_color.png", folder / f"{video}.png"))
         depth = cache / video / "0001_depth.tiff"
         truth = Path(shutil.copy(depth, folder / f"{video}_depth.tiff")) if video == WITH_TRUTH else None
-        found.append(Sample(image, truth, caption))
-    return found
+        images.append(Sample(image, truth, caption))
+    return images

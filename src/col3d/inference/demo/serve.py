@@ -1,4 +1,4 @@
-"""Serve the page on this machine: nothing is fetched from elsewhere and nothing is sent there."""
+"""`col3d demo`: serve the page on this machine, without any access to the network."""
 
 import importlib.util
 import logging
@@ -23,12 +23,12 @@ HOST = "127.0.0.1"
 TERMINATED = 143
 RUNS = Path("runs")
 MOST_UPLOAD = "200mb"
-"""Beyond which an upload is broken off; what is smaller, the page refuses in words."""
+"""Size above which an upload is aborted; the page refuses smaller ones by a message."""
 SILENT = {"GRADIO_ANALYTICS_ENABLED": "False", "HF_HUB_DISABLE_TELEMETRY": "1", "HF_HUB_OFFLINE": "1"}
 
 
 def serve(given: Mapping[str, Any]) -> None:
-    """Rebuild a network and show the page until Ctrl-C.
+    """Load a network and serve the page until Ctrl-C.
 
     Args:
         given: the composed configuration as plain values; see `DemoOptions`.
@@ -62,7 +62,7 @@ def serve(given: Mapping[str, Any]) -> None:
         uploads, examples = Path(folder) / "uploads", Path(folder) / "examples"
         uploads.mkdir()
         examples.mkdir()
-        os.environ["GRADIO_TEMP_DIR"] = str(uploads)  # which go when the program goes
+        os.environ["GRADIO_TEMP_DIR"] = str(uploads)  # deleted when the program ends
         offered = [] if options.samples is None else samples(Path(options.samples), examples)
         _launch(page(network, camera, pinhole, offered, uploads), options, STYLE)
 
@@ -73,7 +73,7 @@ def _launch(blocks: Any, options: DemoOptions, style: str) -> None:
 
     from col3d.inference.demo.guard import Guard
 
-    logging.getLogger("httpx").setLevel(logging.WARNING)  # it tells of each look at the page's own address
+    logging.getLogger("httpx").setLevel(logging.WARNING)  # httpx logs each request to the page's own address
     try:
         blocks.launch(
             server_name=HOST,

@@ -1,4 +1,4 @@
-"""What people upload: read, or refused in words, a header before any pixel."""
+"""Reading of uploads, which are checked by their header before any pixel is decoded."""
 
 import warnings
 from dataclasses import dataclass
@@ -22,12 +22,12 @@ from col3d.io.formats import IMAGE_FORMATS, image_format
 MOST_BYTES, MOST_PIXELS = 50_000_000, 25_000_000
 MOST_SECONDS, MOST_FRAMES = 10, 150
 MOST_SIDE = 1350
-"""Pixels of the longer side that is shown; C3VD's frames have as many."""
+"""Largest displayed side in pixels, which is that of C3VD's frames."""
 
 
 @dataclass(frozen=True)
 class Clip:
-    """A short video: RGB frames of one size, and how many of them a second has."""
+    """A short video: RGB frames of one size, and their number per second."""
 
     frames: list[UInt8[np.ndarray, "h w 3"]]
     fps: float
@@ -42,15 +42,15 @@ class Truth:
 
 
 def is_video(path: Path) -> bool:
-    """Whether it is to be read as a video: it has neither the first bytes nor the name of an image."""
+    """Whether a file is read as a video, because it has neither the first bytes nor the name of an image."""
     return image_format(path) not in IMAGE_FORMATS and path.suffix.lower() not in IMAGE_ENDINGS
 
 
 def read_photo(path: Path) -> UInt8[np.ndarray, "h w 3"]:
-    """An uploaded image as RGB.
+    """Read an uploaded image as RGB.
 
     Raises:
-        DataError: it is no image, cut off or too large; tells so in words, by the file's own name.
+        DataError: it is no image, truncated or too large; the message gives the file's own name.
     """
     _check_image(path)
     try:
@@ -60,12 +60,12 @@ def read_photo(path: Path) -> UInt8[np.ndarray, "h w 3"]:
 
 
 def pictures_in(path: Path) -> int:
-    """How many pictures an image holds, of which the first is read."""
+    """Return the number of pictures in an image file, of which the first is read."""
     return read_header(path).pages
 
 
 def read_clip(path: Path, most_side: int) -> Clip:
-    """An uploaded video, at most so large.
+    """Read an uploaded video, reduced to sides of at most `most_side` pixels.
 
     Raises:
         DataError: it cannot be decoded, or is too long or too large.
@@ -96,14 +96,14 @@ def read_clip(path: Path, most_side: int) -> Clip:
 
 
 def read_truth(path: Path, size_hw: tuple[int, int]) -> Truth:
-    """An uploaded depth file of C3VD: codes of 16 bits, of which 65535 is 100 mm.
+    """Read an uploaded depth file of C3VD: codes of 16 bits, where 65535 is 100 mm.
 
     Args:
-        path: an image or an array, see `col3d.data.files.depth_files`.
-        size_hw: of the image that it belongs to.
+        path: path of an image or an array; see `col3d.data.files.depth_files`.
+        size_hw: size of the image that it belongs to.
 
     Raises:
-        DataError: it is something else, or of another size.
+        DataError: it is no such file, or of another size.
     """
     _check_bytes(path) if is_array(path) else _check_image(path)
     try:
@@ -119,7 +119,7 @@ def read_truth(path: Path, size_hw: tuple[int, int]) -> Truth:
 
 
 def fitted(pixels: np.ndarray, most_side: int = MOST_SIDE, exact: bool = False) -> np.ndarray:
-    """The same picture with no side longer than that; `exact` takes pixels as they are instead of means."""
+    """Reduce a picture to sides of at most `most_side`; `exact` takes nearest pixels instead of means."""
     height, width = pixels.shape[:2]
     share = most_side / max(height, width)
     if share >= 1:
@@ -131,7 +131,7 @@ def fitted(pixels: np.ndarray, most_side: int = MOST_SIDE, exact: bool = False) 
 
 
 def _check_image(path: Path) -> None:
-    """Refuse by size and header."""
+    """Refuse an image by the size of the file or its header."""
     _check_bytes(path)
     try:
         with warnings.catch_warnings(action="ignore"), Image.open(path, formats=IMAGE_FORMATS) as image:
@@ -140,7 +140,7 @@ def _check_image(path: Path) -> None:
         raise DataError(
             f"{path.name}: more than {MOST_PIXELS / 1e6:.0f} megapixels; make it smaller"
         ) from None
-    except Exception:  # headers that make no sense fail in many ways
+    except Exception:  # invalid headers fail in many ways
         raise DataError(f"{path.name}: not an image that can be read") from None
     if width * height > MOST_PIXELS:
         raise DataError(_too_many_pixels(path, height, width))

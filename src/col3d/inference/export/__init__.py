@@ -1,1 +1,1 @@
-"""Networks as files for other programs: ONNX, `torch.export`, weights in half precision."""
+"""Export of networks to files for other programs: ONNX, `torch.export`, weights in half precision."""

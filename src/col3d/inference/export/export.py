@@ -1,4 +1,4 @@
-"""Write a network as a file for other programs, which appears only once it says what PyTorch says."""
+"""`col3d export`: write a network as a file for other programs, after checking it against PyTorch."""
 
 import importlib.util
 import io
@@ -34,19 +34,19 @@ FORMATS: dict[str, tuple[Callable[..., None], Callable[[Path], File], str]] = {
     ".onnx": (write_onnx, OnnxFile, "onnxruntime"),
     ".pt2": (write_program, ProgramFile, "torch.export"),
 }
-"""By the ending: what writes a file, what opens it, and what runs it."""
+"""By suffix: the function that writes a file, the class that opens it, and the name of its engine."""
 WEIGHTS = ".ckpt"
 EXTRA = ("onnx", "onnxscript", "onnxruntime")
 
 
 def export(given: Mapping[str, Any]) -> None:
-    """Rebuild a network, write it, and hold the file against PyTorch before it is put in place.
+    """Load a network, write it, and compare the file with PyTorch before it is put in place.
 
     Args:
         given: the composed configuration as plain values; see `ExportOptions`.
 
     Raises:
-        UserError: an option or the checkpoint breaks a rule, or the file says something else.
+        UserError: an option or the checkpoint breaks a rule, or the file's output differs.
         OSError: the file cannot be written.
     """
     quiet()
@@ -91,7 +91,7 @@ def _export_weights(options: ExportOptions, path: Path, stop: StopSignals) -> No
 
 
 def _check(path: Path, options: ExportOptions) -> None:
-    """Refuse what would fail after minutes of work, and to replace what is read."""
+    """Refuse an output that could not be written, or that would replace other files or the checkpoint."""
     if path.resolve() == located(Path(options.checkpoint)).resolve():
         raise UserError(f"output: {path} is the checkpoint itself, which holds more than its network")
     if path.suffix == ".onnx" and not all(importlib.util.find_spec(name) for name in EXTRA):
@@ -106,7 +106,7 @@ def _check(path: Path, options: ExportOptions) -> None:
 
 @contextmanager
 def _in_place(path: Path, stop: StopSignals) -> Iterator[Path]:
-    """A file beside `path` to write into, which becomes `path` at the end and nothing after an error.
+    """Yield a temporary file beside `path`, which replaces `path` at the end and is removed after an error.
 
     Raises:
         OSError: names `path`.
@@ -118,7 +118,7 @@ def _in_place(path: Path, stop: StopSignals) -> Iterator[Path]:
         yield partial
         _on_disk(partial)
         partial.replace(path)
-        stop.hold()  # what is in place is not to be called unwritten
+        stop.hold()  # from here on a stop may not report that nothing was written
     except OSError as error:
         if error.filename in (None, str(partial)):
             error.filename, error.filename2 = str(path), None
@@ -128,13 +128,13 @@ def _in_place(path: Path, stop: StopSignals) -> Iterator[Path]:
 
 
 def _on_disk(path: Path) -> None:
-    """Some disks say only now that they are full."""
+    """Flush a file to the disk: some file systems report only then that they are full."""
     with path.open("rb") as file:
         os.fsync(file.fileno())
 
 
 def write_checked(subject: Predictor, partial: Path, options: ExportOptions, fixed: Fixed) -> ParityReport:
-    """Write the file, and hold it against PyTorch.
+    """Write the file, and compare it with PyTorch.
 
     Raises:
         UserError: it differs.
@@ -150,7 +150,7 @@ def write_checked(subject: Predictor, partial: Path, options: ExportOptions, fix
 
 @contextmanager
 def _silently() -> Iterator[None]:
-    """Exporters tell of every operation that they leave alone."""
+    """Silence exporters in the block, which report every operation that they do not optimise."""
     before = logging.root.manager.disable
     logging.disable(logging.CRITICAL)
     try:
@@ -162,7 +162,7 @@ def _silently() -> Iterator[None]:
 
 
 def _rounding(likeness: ParityReport, units: Mapping[str, str]) -> str:
-    """What half precision does in PyTorch itself, where that was compared."""
+    """Format the rounding error of half precision in PyTorch itself; empty if it was not measured."""
     own = ", ".join(f"{name} {value:.1e}{units[name]}" for name, value in likeness.rounding.items())
     return f"; PyTorch's own in half: {own}" if own else ""
 

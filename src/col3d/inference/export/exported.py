@@ -1,4 +1,4 @@
-"""Whether a file is an export of this program: the only kind of file that another export replaces."""
+"""Recognition of files that `col3d export` wrote: an export replaces no others."""
 
 import zipfile
 from collections.abc import Callable, Mapping
@@ -9,14 +9,14 @@ from col3d.models.published import read_weights
 
 OURS = "col3d"
 OF_TRAINING = ("loops", "optimizer_states")
-"""What a checkpoint of a training holds, and an export does not."""
+"""Keys of a training's checkpoint that an export does not have."""
 
 
 def is_exported(path: Path) -> bool:
-    """Whether a file was written by `col3d export`, by what it says of itself."""
+    """Whether a file was written by `col3d export`, according to its content."""
     try:
-        return SAYS[path.suffix](path)
-    except Exception:  # whatever reading a file of something else may raise
+        return CHECKS[path.suffix](path)
+    except Exception:  # reading a file of another kind may raise anything
         return False
 
 
@@ -38,4 +38,4 @@ def _weights(path: Path) -> bool:
     )
 
 
-SAYS: Mapping[str, Callable[[Path], bool]] = {".onnx": _onnx, ".pt2": _program, ".ckpt": _weights}
+CHECKS: Mapping[str, Callable[[Path], bool]] = {".onnx": _onnx, ".pt2": _program, ".ckpt": _weights}

@@ -1,4 +1,4 @@
-"""A network in half precision, between inputs and outputs of single precision."""
+"""A network in half precision with inputs and outputs in single precision."""
 
 import copy
 from typing import Any
@@ -11,14 +11,13 @@ from col3d.layers.conv import FuseELU, UpConv
 from col3d.layers.network import needs_rays, predicts
 
 CONVOLVING = (FuseELU, UpConv)
-"""Blocks that take the weights of a layer inside them."""
+"""Blocks that use the weights of a layer inside them."""
 
 
 class HalfNetwork(nn.Module):
-    """A copy of a network whose weights are of half precision, as are all maps between its layers.
+    """A copy of a network with weights and maps between its layers in half precision.
 
-    What the network computes in single precision whatever it is trained in, sigmoids of depth and directions
-    of normals, stays so.
+    Sigmoids of depth and directions of normals, which a network always computes in single precision, stay so.
     """
 
     def __init__(self, network: nn.Module) -> None:
@@ -33,11 +32,11 @@ class HalfNetwork(nn.Module):
     def forward(
         self, image: Float[Tensor, "b 3 h w"], rays: Float[Tensor, "*b 3 h w"] | None = None
     ) -> dict[str, Tensor]:
-        """As the network's, in single precision."""
-        found = self.network(image.half(), rays)
-        return {name: found[name].float() for name in self.tasks}
+        """Predict, with results in single precision."""
+        prediction = self.network(image.half(), rays)
+        return {name: prediction[name].float() for name in self.tasks}
 
 
 def _in_half(module: nn.Module, given: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Cast maps, which sigmoids and directions leave in single precision, for a layer."""
+    """Cast a layer's inputs to half: sigmoids and directions leave maps in single precision."""
     return tuple(x.half() if isinstance(x, Tensor) and x.dtype == torch.float32 else x for x in given)

@@ -1,4 +1,4 @@
-"""What an exported file says of itself, so that it can be used without this code."""
+"""Metadata of exported files, with which they can be used without this code."""
 
 from importlib.metadata import version
 from typing import Any
@@ -23,7 +23,7 @@ CONVENTIONS = (
 
 
 def facts_of(predictor: Predictor, fixed: Fixed = ANY) -> dict[str, Any]:
-    """Name, sizes, range, lens, inputs, outputs and conventions, as JSON has them."""
+    """Return name, sizes, range, lens, inputs, outputs and conventions as plain values for JSON."""
     given = ("image", "rays") if needs_rays(predictor.network) else ("image",)
     return {
         "model": predictor.name,

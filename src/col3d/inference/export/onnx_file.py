@@ -1,4 +1,4 @@
-"""ONNX files: written from a traced program, and run by onnxruntime."""
+"""Writing of ONNX files from a traced program, and running them by onnxruntime."""
 
 import json
 from collections.abc import Mapping
@@ -21,13 +21,13 @@ def write_onnx(
     """Write the program with its weights into one file.
 
     Args:
-        program: of inputs and outputs in the order of `INPUTS` and `OUTPUTS`.
-        path: of the file.
-        facts: what the file says of itself: text as it is, all else as JSON.
+        program: program with inputs and outputs in the order of `INPUTS` and `OUTPUTS`.
+        path: path of the file.
+        facts: metadata of the file: text is stored as it is, all else as JSON.
         opset: version of ONNX's operators; torch's own choice when absent.
 
     Raises:
-        UserError: the exporter has another version for it.
+        UserError: the exporter cannot use that version for this network.
     """
     import onnx
 
@@ -59,7 +59,7 @@ def write_onnx(
 
 
 def _anonymous(model: Any) -> None:
-    """Drop what the exporter notes of each operation: source files of this machine, sizes of the trace."""
+    """Remove the exporter's notes about operations: source files of this machine, sizes of the trace."""
     del model.graph.value_info[:]
     del model.graph.metadata_props[:]
     for node in model.graph.node:
@@ -68,7 +68,7 @@ def _anonymous(model: Any) -> None:
 
 
 class OnnxFile:
-    """An ONNX file on the CPU, with as many threads as torch has."""
+    """Runs an ONNX file on the CPU, with as many threads as torch."""
 
     def __init__(self, path: Path) -> None:
         import onnxruntime
@@ -76,10 +76,10 @@ class OnnxFile:
         options = onnxruntime.SessionOptions()
         options.log_severity_level = 4
         options.intra_op_num_threads = torch.get_num_threads()
-        options.add_session_config_entry("session.intra_op.allow_spinning", "0")  # torch is timed beside it
+        options.add_session_config_entry("session.intra_op.allow_spinning", "0")  # torch is timed too
         self.session = onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
 
     def __call__(self, inputs: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Arrays by name -> arrays by name."""
+        """Run the file: arrays by name -> arrays by name."""
         names = [output.name for output in self.session.get_outputs()]
         return dict(zip(names, self.session.run(names, dict(inputs)), strict=True))

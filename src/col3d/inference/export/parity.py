@@ -1,4 +1,4 @@
-"""Whether an exported file says what PyTorch says: at several sizes, on noise and on a frame of a colon."""
+"""Comparison of an exported file with PyTorch, at several sizes, on noise and on a frame of a phantom."""
 
 import math
 import statistics
@@ -22,29 +22,30 @@ from col3d.layers.network import predicts
 from col3d.phantom import PhantomSettings, render_phantom
 
 TOLERANCE = {"depth": 1e-5, "normals": 1e-4}
-"""Largest difference: of depth as a share of the largest depth, of normals in each component."""
+"""Largest allowed difference: of depth relative to the largest depth, of normals in each component."""
 NOISE = ((1, LEAST_SIDE, 130), (3, 75, 101), (2, 224, 97))
-"""Batches, heights and widths that are no multiples of what networks pad to."""
+"""Batches, heights and widths; the sides are no multiples of what networks pad to."""
 ROUNDINGS = 2
-"""How many times the error of PyTorch's own half precision a file in half precision may be off.
+"""Allowed error of a file in half precision, in multiples of the error of PyTorch's own half precision.
 
-It sums in another order, so that its error is another of the same size; they differ by up to both."""
+The file sums in another order, so that its error has the same size but not the same value; the two differ by
+up to the sum of both."""
 TURNS = 5
 
 
 File = Callable[[Mapping[str, np.ndarray]], dict[str, np.ndarray]]
-"""An exported file, opened: arrays by name -> arrays by name."""
+"""An opened exported file: a function from arrays by name to arrays by name."""
 
 
 @dataclass(frozen=True)
 class ParityReport:
-    """How an exported file compares.
+    """Result of comparing an exported file with PyTorch.
 
     Attributes:
-        sizes: batch, height and width of what was tried.
-        differences: the largest of each output, in mm and as components of unit vectors.
-        ratio: its time over PyTorch's, for one frame of the training's size.
-        rounding: largest difference of PyTorch's own half precision from single, where that was compared.
+        sizes: batch, height and width of each comparison.
+        differences: largest difference of each output, in mm and in a component of unit vectors.
+        ratio: the file's time divided by PyTorch's, for one frame of the training's size.
+        rounding: largest difference of PyTorch's own half precision from single, if it was measured.
     """
 
     sizes: Sequence[tuple[int, int, int]]
@@ -56,16 +57,16 @@ class ParityReport:
 def compare(
     predictor: Predictor, file: File, fixed: Fixed = ANY, half: HalfNetwork | None = None
 ) -> ParityReport:
-    """Hold an exported file against the network that it is of, in single precision.
+    """Compare an exported file with its network in single precision.
 
     Args:
-        predictor: of the network.
-        file: of it.
-        fixed: what the file is bound to.
-        half: the network that a file in half precision is of.
+        predictor: predictor with the network.
+        file: the opened file.
+        fixed: batch and size that the file is bound to.
+        half: the network in half precision, if the file is in half precision.
 
     Raises:
-        UserError: they differ.
+        UserError: they differ by more than is allowed.
     """
     differences = dict.fromkeys(predicts(predictor.network), 0.0)
     rounding = dict.fromkeys(predicts(predictor.network) if half else (), 0.0)
@@ -75,9 +76,9 @@ def compare(
     for image in (*_noise(fixed), frame):
         inputs = sample(predictor.network, image, next(iter(predictor.cameras), None))
         rounded = {} if half is None else _differences(predictor, _as_file(half), inputs)
-        found = _differences(predictor, file, inputs)
-        _refuse(found, predictor.max_depth, rounded, tuple(image.shape))
-        differences = {name: max(largest, found[name]) for name, largest in differences.items()}
+        current = _differences(predictor, file, inputs)
+        _refuse(current, predictor.max_depth, rounded, tuple(image.shape))
+        differences = {name: max(largest, current[name]) for name, largest in differences.items()}
         rounding = {name: max(largest, rounded[name]) for name, largest in rounding.items()}
         sizes.append((image.shape[0], image.shape[2], image.shape[3]))
     return ParityReport(list(dict.fromkeys(sizes)), differences, _ratio(predictor, file, frame), rounding)
@@ -90,18 +91,18 @@ def _noise(fixed: Fixed) -> list[Tensor]:
 
 
 def _as_file(network: HalfNetwork) -> File:
-    """A network as if it were a file."""
+    """Wrap a network as if it were an opened file."""
 
     @torch.inference_mode()
     def run(inputs: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        found = network(**{name: torch.from_numpy(values) for name, values in inputs.items()})
-        return {name: values.numpy() for name, values in found.items()}
+        outputs = network(**{name: torch.from_numpy(values) for name, values in inputs.items()})
+        return {name: values.numpy() for name, values in outputs.items()}
 
     return run
 
 
 def phantom_frame(size_hw: tuple[int, int]) -> Tensor:
-    """A frame of the phantom at this size, as networks see it."""
+    """Render a frame of the phantom and resize it to an input of networks."""
     settings = PhantomSettings(frames_per_video=1, videos=("cecum_t1_a",))
     with tempfile.TemporaryDirectory() as folder:
         render_phantom(Path(folder), settings, workers=1, progress=False)
@@ -113,9 +114,9 @@ def phantom_frame(size_hw: tuple[int, int]) -> Tensor:
 @torch.inference_mode()
 def _differences(predictor: Predictor, file: File, inputs: Mapping[str, Tensor]) -> dict[str, float]:
     expected = predictor.network(**inputs)
-    found = file({name: values.numpy() for name, values in inputs.items()})
+    outputs = file({name: values.numpy() for name, values in inputs.items()})
     names = predicts(predictor.network)
-    return {name: float(np.abs(found[name] - expected[name].numpy()).max()) for name in names}
+    return {name: float(np.abs(outputs[name] - expected[name].numpy()).max()) for name in names}
 
 
 def _refuse(

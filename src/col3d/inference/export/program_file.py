@@ -1,4 +1,4 @@
-"""Files of torch.export: a program that torch runs without this code."""
+"""Files of `torch.export`: programs that torch runs without this code."""
 
 import io
 import json
@@ -20,16 +20,16 @@ def write_program(
     """Write the program with its weights, and the facts as JSON inside.
 
     It is read by `torch.export.load(path, extra_files={"col3d.json": ""}).module(check_guards=False)`: guards
-    are of the memory's layout in the trace, and would refuse other sizes. `opset` is of ONNX, and None here.
+    check the memory layout of the trace, and would refuse other sizes. `opset` is for ONNX, and None here.
     """
     _anonymous(program)
-    content = io.BytesIO()  # torch ends the whole process where it cannot write to a disk
+    content = io.BytesIO()  # torch ends the whole process if it cannot write to a disk
     torch.export.save(program, content, extra_files={FACTS: json.dumps(facts)})
     path.write_bytes(content.getbuffer())
 
 
 def _anonymous(program: ExportedProgram) -> None:
-    """Drop what torch notes of each operation: lines of source files of this machine."""
+    """Remove torch's notes about operations: lines of source files of this machine."""
     for module in program.graph_module.modules():
         if isinstance(module, GraphModule):
             for node in module.graph.nodes:
@@ -37,13 +37,13 @@ def _anonymous(program: ExportedProgram) -> None:
 
 
 class ProgramFile:
-    """Such a file on the CPU."""
+    """Runs such a file on the CPU."""
 
     def __init__(self, path: Path) -> None:
         self.program = torch.export.load(path).module(check_guards=False)
 
     @torch.inference_mode()
     def __call__(self, inputs: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Arrays by name, in the order of the network's arguments -> arrays by name."""
-        found = self.program(*(torch.from_numpy(values) for values in inputs.values()))
-        return {name: values.numpy() for name, values in found.items()}
+        """Run the program: arrays by name, in the order of the network's arguments -> arrays by name."""
+        outputs = self.program(*(torch.from_numpy(values) for values in inputs.values()))
+        return {name: values.numpy() for name, values in outputs.items()}

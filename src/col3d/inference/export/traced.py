@@ -1,4 +1,4 @@
-"""A network as a graph, traced once, that holds for batches and images of any size."""
+"""Tracing of a network to a graph that holds for batches and images of any size."""
 
 from dataclasses import dataclass
 
@@ -11,26 +11,26 @@ from col3d.inference.export.half_precision import HalfNetwork
 from col3d.layers.network import DepthNetwork, needs_rays, predicts
 
 TRACED = (2, 250, 330)
-"""Batch, height and width of the trace. At 1/32 NeWCRFs has several windows of it: what is one in a trace
-counts as one for ever."""
+"""Batch, height and width of the trace. At 1/32 NeWCRFs has several windows at this size: a dimension of one
+in a trace stays one."""
 LEAST_SIDE = 33
-"""Pixels of a side from which a traced program is known to hold; below, a map at 1/32 has one row."""
+"""Smallest side in pixels for which a traced program is known to hold; below, a map at 1/32 has one row."""
 
 
 @dataclass(frozen=True)
 class Fixed:
-    """What a program is bound to; None of what stays open.
+    """Dimensions that a program is bound to; None means any.
 
     Attributes:
         batch: number of images.
-        size_hw: their height and width.
+        size_hw: height and width of the images.
     """
 
     batch: int | None = None
     size_hw: tuple[int, int] | None = None
 
     def shape(self, batch: int, height: int, width: int) -> tuple[int, int, int]:
-        """A batch, height and width, as far as they are open."""
+        """Return batch, height and width, with fixed dimensions in place of the given ones."""
         return (self.batch or batch, *(self.size_hw or (height, width)))
 
 
@@ -38,12 +38,12 @@ ANY = Fixed()
 
 
 def sample(network: nn.Module, image: Tensor, lens: Camera | None = None) -> dict[str, Tensor]:
-    """The inputs of a network by name: images, and the rays of a lens where it needs them.
+    """Make the inputs of a network by name: images, and the rays of a lens if it needs them.
 
     Args:
-        network: gives `needs_rays`.
+        network: the network, which may need rays.
         image: RGB in [0, 1], (b, 3, h, w).
-        lens: at any size; C3VD's when absent.
+        lens: lens at any size; C3VD's when absent.
     """
     if not needs_rays(network):
         return {"image": image}
@@ -52,13 +52,13 @@ def sample(network: nn.Module, image: Tensor, lens: Camera | None = None) -> dic
 
 
 def traced(network: nn.Module, fixed: Fixed = ANY) -> ExportedProgram:
-    """The network, in evaluation mode on the CPU, as a program for images of any size, or of a fixed one.
+    """Trace a network, in evaluation mode on the CPU, to a program for images of any or a fixed size.
 
-    Layers take their plain forms where `torch.compiler.is_exporting()`.
+    Layers use their plain forms if `torch.compiler.is_exporting()`.
 
     Args:
-        network: as it is, or in half precision.
-        fixed: batch, and height and width, that the program is bound to.
+        network: the network, or its copy in half precision.
+        fixed: batch, height and width that the program is bound to.
     """
     batch, height, width = fixed.shape(*TRACED)
     given = sample(network, torch.rand(batch, 3, height, width))
@@ -74,7 +74,7 @@ def traced(network: nn.Module, fixed: Fixed = ANY) -> ExportedProgram:
 
 
 class _Narrowed(nn.Module):
-    """What a network predicts, without what else it returns."""
+    """Wraps a network to return only depth and normals."""
 
     def __init__(self, network: nn.Module) -> None:
         super().__init__()
@@ -82,10 +82,13 @@ class _Narrowed(nn.Module):
 
     def forward(self, image: Tensor, rays: Tensor | None = None) -> dict[str, Tensor]:
         """Predictions by name."""
-        found = self.network(image, rays)
-        return {name: found[name] for name in predicts(self.network)}
+        prediction = self.network(image, rays)
+        return {name: prediction[name] for name in predicts(self.network)}
 
 
 def _narrowed(network: nn.Module) -> nn.Module:
-    """Networks of this package return nothing else, and keep the names of their weights."""
+    """Wrap a network unless it is of this package, whose networks return nothing else.
+
+    Unwrapped networks keep the names of their weights.
+    """
     return network if isinstance(network, DepthNetwork | HalfNetwork) else _Narrowed(network)

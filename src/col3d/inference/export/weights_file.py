@@ -1,4 +1,4 @@
-"""A checkpoint that holds a network alone, in half precision: to predict with, not to train on."""
+"""Export of a checkpoint with only the network, in half precision, for prediction."""
 
 from pathlib import Path
 from typing import Any, TypeVar
@@ -18,9 +18,9 @@ from col3d.runs.checkpoints import CheckpointFiles
 from col3d.runs.trained import DEPTH_SEEN
 
 SAME = 2e-2
-"""Largest difference that rounding the weights may make: as a part of depth, in a component of normals."""
+"""Largest allowed difference from rounding the weights: relative in depth, in a component of normals."""
 KEPT = ("command", "commit", "versions", "cameras", "frames", "split", "metrics")
-"""What stays of what a checkpoint says about itself."""
+"""Entries of a checkpoint's `about` that are kept."""
 
 Source = TypeVar("Source", bound=SourceOptions)
 
@@ -28,17 +28,17 @@ Source = TypeVar("Source", bound=SourceOptions)
 def write_weights(source: Path, path: Path) -> float:
     """Write the network of a checkpoint of `train.py` without what only its training needs.
 
-    Paths in its options and in its command lose all but their last names: they are of the machine that
+    Paths in its options and its command keep only their last names, because they are of the machine that
     trained.
 
     Returns:
-        The largest difference from what the original says of a frame of the phantom; see `SAME`.
+        The largest difference from the original's prediction for a frame of the phantom; see `SAME`.
 
     Raises:
-        UserError: the source is no such checkpoint, or rounding changes what the network says.
+        UserError: the source is no such checkpoint, or rounding changes the prediction too much.
     """
-    found = trained_network(source)
-    trained, checkpoint = found.trained, found.content
+    loaded = trained_network(source)
+    trained, checkpoint = loaded.trained, loaded.content
     data = _anywhere(trained.data).model_copy(
         update={
             "also": {name: _anywhere(other) for name, other in trained.data.also.items()},
@@ -51,14 +51,14 @@ def write_weights(source: Path, path: Path) -> float:
         "output_dir": f"runs/{last_name(str(trained.content.get('output_dir', '')))}",
         "model": untrained(trained.model).model_dump(),
     }
-    said = checkpoint.get("about")
-    about = said if isinstance(said, dict) else {}
+    stored = checkpoint.get("about")
+    about = stored if isinstance(stored, dict) else {}
     kept = without_places({name: about[name] for name in KEPT if name in about})
     if isinstance(about.get("command"), str):
         kept["command"] = command_without_places(about["command"])
     content: dict[str, Any] = {
-        "state_dict": {f"{NETWORK}{name}": _halved(v) for name, v in found.network.state_dict().items()},
-        DEPTH_SEEN: found.depth_seen,
+        "state_dict": {f"{NETWORK}{name}": _halved(v) for name, v in loaded.network.state_dict().items()},
+        DEPTH_SEEN: loaded.depth_seen,
         "epoch": checkpoint["epoch"],
         "hyper_parameters": {"options": without_places(options)},
         "about": kept,
@@ -77,7 +77,7 @@ def _anywhere(source: Source) -> Source:
 
 
 def _halved(values: Tensor) -> Tensor:
-    """Matrices and kernels; what is one number a channel costs little and stays."""
+    """Round matrices and kernels to half; vectors, which take little space, stay as they are."""
     return values.half() if values.is_floating_point() and values.ndim > 1 else values
 
 
@@ -85,7 +85,7 @@ def _halved(values: Tensor) -> Tensor:
 def _difference(whole: Predictor, rounded: Predictor) -> float:
     inputs = sample(whole.network, phantom_frame(whole.size_hw), next(iter(whole.cameras), None))
     before, after = whole.network(**inputs), rounded.network(**inputs)
-    found = [((after["depth"] - before["depth"]) / before["depth"]).abs().max()]
+    differences = [((after["depth"] - before["depth"]) / before["depth"]).abs().max()]
     if "normals" in before:
-        found.append((after["normals"] - before["normals"]).abs().max())
-    return float(torch.stack(found).max())
+        differences.append((after["normals"] - before["normals"]).abs().max())
+    return float(torch.stack(differences).max())

@@ -1,4 +1,4 @@
-"""Frames with poses become one surface, and surfaces are compared.
+"""Fusion of frames with poses into one surface, and comparison of surfaces.
 
 Poses are camera-to-world matrices, (4, 4) on column vectors, in mm. Needs `pip install 'col3d[fusion]'`.
 """

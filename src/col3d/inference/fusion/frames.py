@@ -1,4 +1,4 @@
-"""The frames that are fused: which, from where, and with which depth."""
+"""The frames to fuse: their choice, their poses, and their true and predicted depth."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,14 +17,14 @@ from col3d.inference.options import PoseOptions
 from col3d.inference.predictor import Predictor
 
 FAR_OFF = 5.0
-"""Millimetres at the upper end of the colours of errors."""
+"""Error in mm at the upper end of the colour scale."""
 
 
 @dataclass(frozen=True)
 class FusionFrame:
-    """A frame at the network's size, its pose, its true depth and what the network says of it.
+    """A frame at the network's size, with its pose, true depth and predicted depth.
 
-    The mask is where depth is known, or where the endoscope shows anything if the video has no truth.
+    The mask is True where depth is known; without ground truth, where the endoscope shows anything.
     """
 
     image: UInt8[Tensor, "3 h w"]
@@ -35,15 +35,15 @@ class FusionFrame:
 
 
 def poses_of(frames: C3VD, options: PoseOptions) -> dict[int, np.ndarray]:
-    """Camera to world of each frame by its number, as depth bears it out."""
+    """Return the camera-to-world pose of each frame by number, in the reading that depth confirms."""
     stored = frames.poses(frames.frames[0].video).numpy()
-    asked = options.model_dump(exclude={"check"})
-    reading = PoseReading.of(asked)
+    given = options.model_dump(exclude={"check"})
+    reading = PoseReading.of(given)
     if options.check and frames.with_truth:
-        found = find_reading(frames, stored, asked)
-        reading = found.reading
-        if found.note:
-            print(f"note: {found.note}", flush=True)
+        result = find_reading(frames, stored, given)
+        reading = result.reading
+        if result.note:
+            print(f"note: {result.note}", flush=True)
     if not frames.with_truth:
         print(
             "note: without true depth nothing bears the poses out; they are read as C3VD's, or as said",
@@ -55,7 +55,7 @@ def poses_of(frames: C3VD, options: PoseOptions) -> dict[int, np.ndarray]:
 
 
 def chosen_frames(frames: C3VD, poses: Mapping[int, np.ndarray], most: int | None) -> list[int]:
-    """Places of frames, spread evenly over those that have a pose."""
+    """Choose indices of frames, spread evenly over those that have a pose."""
     posed = [place for place, frame in enumerate(frames.frames) if frame.number in poses]
     if not posed:
         raise DataError(f"{frames.root}: no line of pose.txt is of a frame there")
@@ -74,7 +74,7 @@ def seen_frames(
     resize: Resize,
     network: Predictor | None,
 ) -> Iterator[FusionFrame]:
-    """The chosen frames at the size of the fusion, with what a network predicts of them."""
+    """Yield the chosen frames at the size of the fusion, with a network's prediction."""
     camera = resize.resized_camera
     view = octagon_mask(camera.size_hw)
     with frames_bar("read" if network is None else "read and predict") as bar:
@@ -89,7 +89,7 @@ def seen_frames(
 
 
 def median_scale(seen: Sequence[FusionFrame]) -> float:
-    """One factor for the whole video: the median over frames of the ratio of medians."""
+    """Compute one scale factor for the whole video: the median over frames of the ratio of medians."""
     ratios = [
         (frame.depth[frame.mask].median() / frame.predicted[frame.mask].median()).item()
         for frame in seen

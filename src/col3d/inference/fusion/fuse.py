@@ -1,4 +1,4 @@
-"""One surface of a whole video, from its true depth and from a network's, and how far they are apart."""
+"""`col3d fuse`: surfaces of a whole video, from true and from predicted depth, and their comparison."""
 
 from collections.abc import Mapping, Sequence
 from importlib import import_module
@@ -40,13 +40,13 @@ if TYPE_CHECKING:
     from col3d.inference.fusion import Surface
 
 SHOWN = 60_000
-"""Points of a surface in the page."""
+"""Number of points of a surface in the page."""
 SUMMARY, PAGE = "fusion.json", "fusion.html"
 WRITTEN = (PAGE, SUMMARY, "truth.ply", "predicted.ply", "error.ply")
 
 
 def fuse(given: Mapping[str, Any]) -> None:
-    """Fuse a video and compare.
+    """Fuse a video and compare the surfaces.
 
     Args:
         given: the composed configuration as plain values; see `FuseOptions`.
@@ -79,25 +79,25 @@ def _fuse(options: FuseOptions, stop: StopSignals) -> None:
     chosen = chosen_frames(frames, poses, options.frames)
     seen = list(seen_frames(frames, chosen, poses, resize, network))
     camera = resize.resized_camera
-    found: dict[str, Any] = {"video": options.video, "frames": len(seen), "voxel_mm": options.voxel}
+    summary: dict[str, Any] = {"video": options.video, "frames": len(seen), "voxel_mm": options.voxel}
     surfaces = {}
     if frames.with_truth:
         surfaces["truth"] = surface_of("truth", seen, [frame.depth for frame in seen], camera, options)
     if network is not None:
         factor = median_scale(seen) if options.scale == "median" else 1.0
-        found |= {"model": network.name, "checkpoint": options.checkpoint, "scale": factor}
+        summary |= {"model": network.name, "checkpoint": options.checkpoint, "scale": factor}
         depths = [frame.predicted * factor for frame in seen if frame.predicted is not None]
         surfaces["prediction"] = surface_of("prediction", seen, depths, camera, options)
-    found["comparisons"] = _compared(surfaces, wall, options.voxel)
+    summary["comparisons"] = _compared(surfaces, wall, options.voxel)
     if wall is not None:
-        found["seen_faces"] = None if wall.observed is None else [len(wall.seen), len(wall.triangles)]
-    stop.hold()  # seconds, after which all of it is there
-    _write(output, found, surfaces)
-    stop.asked = None  # a signal that came too late for anything to be lost by it
+        summary["seen_faces"] = None if wall.observed is None else [len(wall.seen), len(wall.triangles)]
+    stop.hold()  # for the seconds in which the files are written
+    _write(output, summary, surfaces)
+    stop.pending = None  # ignore a signal that came after the work was done
 
 
-def _write(output: Path, found: dict[str, Any], surfaces: Mapping[str, "Surface"]) -> None:
-    """Put everything in place of an earlier fusion."""
+def _write(output: Path, summary: dict[str, Any], surfaces: Mapping[str, "Surface"]) -> None:
+    """Write all files, in place of an earlier fusion."""
     owned = Owned(output, "fusion", "output")
     owned.remove()
     owned.claim(*WRITTEN)
@@ -112,14 +112,14 @@ def _write(output: Path, found: dict[str, Any], surfaces: Mapping[str, "Surface"
             shown = error_colours(truth.distance(predicted.vertices), FAR_OFF)
             predicted.write(output / "error.ply", shown)
         clouds.append(_cloud("prediction", predicted, shown))
-    scene = Scene(Path(found["video"]).name, tuple(clouds), FAR_OFF, from_camera=False)
-    write_fusion_page(output / PAGE, found, scene)
-    write_json(output / SUMMARY, {**found, **provenance()})
-    print_fusion(found, [output / name for name in WRITTEN if (output / name).exists()])
+    scene = Scene(Path(summary["video"]).name, tuple(clouds), FAR_OFF, from_camera=False)
+    write_fusion_page(output / PAGE, summary, scene)
+    write_json(output / SUMMARY, {**summary, **provenance()})
+    print_fusion(summary, [output / name for name in WRITTEN if (output / name).exists()])
 
 
 def _check_open3d() -> None:
-    """Refuse before work starts where Open3D, or a library of the system that it loads, is missing."""
+    """Refuse to start if Open3D, or a system library that it loads, is missing."""
     try:
         import_module("open3d")
     except ImportError as error:
@@ -132,72 +132,72 @@ def _check_open3d() -> None:
 def _network(options: FuseOptions) -> Predictor | None:
     if options.checkpoint is None:
         return None
-    found = load_predictor(Path(options.checkpoint), options.published, options.max_depth, options.size)
-    found.place(options.accelerator)
-    return found
+    predictor = load_predictor(Path(options.checkpoint), options.published, options.max_depth, options.size)
+    predictor.place(options.accelerator)
+    return predictor
 
 
 def _checked_room(options: FuseOptions) -> Path:
-    """The folder, where nothing else would be replaced in it."""
+    """Return the output folder, after checking that no other files would be replaced."""
     output = Path(options.output)
     if output.exists() and not output.is_dir():
         raise UserError(f"output: {output} is a file; name a folder")
     owned = Owned(output, "fusion", "output")
     owned.check(WRITTEN)
-    if SUMMARY in owned.there() and not options.overwrite:
+    if SUMMARY in owned.existing() and not options.overwrite:
         raise UserError(f"output: {output} holds a fusion already; name another folder or overwrite=true")
     return output
 
 
 def surface_of(
-    what: str, seen: Sequence[FusionFrame], depths: Sequence[Tensor], camera: Camera, options: FuseOptions
+    name: str, seen: Sequence[FusionFrame], depths: Sequence[Tensor], camera: Camera, options: FuseOptions
 ) -> "Surface":
-    """The surface of all frames with these depths, of the pixels of their masks."""
+    """Fuse the pixels in the masks of all frames, with the given depths, into a surface."""
     from col3d.inference.fusion import Volume
 
     if not any(frame.mask.any() for frame in seen):
         raise DataError("video: no frame has a pixel of known depth")
     volume = Volume(options.voxel)
-    with frames_bar(f"fuse the {what}") as bar:
+    with frames_bar(f"fuse the {name}") as bar:
         for frame, depth in bar.track(list(zip(seen, depths, strict=True))):
             near = frame.mask if options.far is None else frame.mask & (depth < options.far)
             volume.add(depth, near, frame.image, camera, frame.pose)
     surface = volume.surface()
     if not len(surface.triangles):
-        raise DataError(f"the {what} gives no surface; is voxel={options.voxel} too small, or far= too near?")
+        raise DataError(f"the {name} gives no surface; is voxel={options.voxel} too small, or far= too near?")
     return surface
 
 
 def _wall(frames: C3VD) -> CoverageMesh | None:
-    """The data set's own mesh of the wall, where it is there."""
+    """Read the data set's own mesh of the colon wall; None if there is none."""
     path = frames.folders[frames.frames[0].video] / COVERAGE_MESH
     if not path.is_file():
         return None
-    found = read_coverage_mesh(path)
-    if found.observed is None:
+    mesh = read_coverage_mesh(path)
+    if mesh.observed is None:
         print(f"note: {COVERAGE_MESH} does not say which faces were observed; all of them count", flush=True)
-    return found
+    return mesh
 
 
 def _compared(
     surfaces: Mapping[str, "Surface"], wall: CoverageMesh | None, spacing: float
 ) -> dict[str, dict[str, float]]:
-    """Every comparison that there is something for, by name; only what was observed can be complete."""
+    """Make all possible comparisons, by name; completeness counts only observed faces."""
     from col3d.inference.fusion import Surface, compare
 
-    found = {}
+    comparisons = {}
     if surfaces.keys() == {"truth", "prediction"}:
         both = compare(surfaces["prediction"], surfaces["truth"], spacing)
-        found["prediction to fused truth"] = both.summary()
+        comparisons["prediction to fused truth"] = both.summary()
     if wall is not None:
         whole, seen = (Surface(wall.vertices, triangles) for triangles in (wall.triangles, wall.seen))
         for name, surface in surfaces.items():
-            found[f"{name} to {COVERAGE_MESH}"] = compare(surface, whole, spacing, seen).summary()
-    return found
+            comparisons[f"{name} to {COVERAGE_MESH}"] = compare(surface, whole, spacing, seen).summary()
+    return comparisons
 
 
 def _cloud(name: str, surface: "Surface", error: np.ndarray | None = None) -> Cloud:
-    """Some of its corners, for the page."""
+    """Thin a surface's vertices out to a cloud for the page."""
     kept = thinned(len(surface.vertices), SHOWN)
     assert surface.colours is not None
     return Cloud(name, surface.vertices[kept], surface.colours[kept], None if error is None else error[kept])

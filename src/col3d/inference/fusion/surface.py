@@ -1,4 +1,4 @@
-"""A surface of triangles, and how far points are from it."""
+"""Triangle mesh of a surface, and distances of points from it."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,12 +14,12 @@ from col3d.io.atomic import write_whole
 
 @dataclass(frozen=True)
 class Surface:
-    """Triangles in world coordinates, in mm.
+    """A triangle mesh in world coordinates, in mm.
 
     Attributes:
-        vertices: their corners.
-        triangles: three corners each.
-        colours: RGB of the corners; None where there are none.
+        vertices: coordinates of the vertices.
+        triangles: indices of the three vertices of each triangle.
+        colours: RGB of the vertices, or None.
     """
 
     vertices: Float[np.ndarray, "n 3"]
@@ -27,25 +27,25 @@ class Surface:
     colours: UInt8[np.ndarray, "n 3"] | None = None
 
     def distance(self, points: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, " m"]:
-        """Distance of each point from the nearest one of the surface, in mm."""
+        """Compute the distance of each point from the nearest point of the surface, in mm."""
         import open3d
 
-        found = self._scene.compute_distance(open3d.core.Tensor(points.astype(np.float32)))
-        distances: np.ndarray = found.numpy()
+        queries = open3d.core.Tensor(points.astype(np.float32))
+        distances: np.ndarray = self._scene.compute_distance(queries).numpy()
         return distances
 
     def samples(self, spacing: float, seed: int = 0) -> Float[np.ndarray, "m 3"]:
-        """Points spread evenly at random over the surface, one for each square of this side in mm."""
+        """Sample points uniformly at random over the surface, one for each square of `spacing` mm."""
         mesh = self.as_trimesh()
         count = max(int(np.ceil(mesh.area / spacing**2)), 1)
         points, _ = trimesh.sample.sample_surface(mesh, count, seed=seed)
         return np.asarray(points)
 
     def write(self, path: Path, colours: UInt8[np.ndarray, "n 3"] | None = None) -> None:
-        """Write binary PLY, with these colours or its own.
+        """Write binary PLY, with the given colours or the surface's own.
 
         Raises:
-            OSError: it cannot be written.
+            OSError: the file cannot be written.
         """
         mesh = self.as_trimesh()
         shown = self.colours if colours is None else colours
@@ -56,7 +56,7 @@ class Surface:
         write_whole(path, content)
 
     def as_trimesh(self) -> trimesh.Trimesh:
-        """The same for trimesh, vertices in their order."""
+        """Convert to trimesh; the order of vertices is kept."""
         return trimesh.Trimesh(self.vertices, self.triangles, process=False)
 
     @cached_property

@@ -1,4 +1,4 @@
-"""The video that is fused: its folder, its frames, and whose lens saw it."""
+"""The video to fuse: its folder, its frames and its lens."""
 
 import os
 from pathlib import Path
@@ -13,7 +13,7 @@ from col3d.registry import DATASETS
 
 
 def video_of(options: FuseOptions) -> C3VD:
-    """The frames of the video, its lens at their size; without truth where it has no depth."""
+    """Open the frames of the video, with its lens at their size; without ground truth if it has no depth."""
     root, given, frames = _place(options.video)
     folder, entry, row = root / given, f"{given}{frames}", described(given)
     name = options.dataset if options.dataset != "auto" else row.data if row else C3VD.data
@@ -33,7 +33,7 @@ def video_of(options: FuseOptions) -> C3VD:
 
 
 def _place(video: str) -> tuple[Path, str, str]:
-    """Folder of the videos, name of the video's own, and `:FIRST-LAST` of its frames or nothing.
+    """Split a path into the folder of videos, the video's own folder name, and `:FIRST-LAST` or nothing.
 
     Raises:
         UserError: the folder has a name that no video can have.

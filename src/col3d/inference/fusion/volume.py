@@ -1,7 +1,8 @@
-"""A truncated signed distance field that frames of any central camera are averaged into.
+"""Truncated signed distance field, into which frames of any central camera are averaged.
 
-Open3D keeps the sparse blocks of voxels and draws the surface; its own integration knows pinholes alone, so
-that voxels are projected by the camera's own model here. Distances are those along the viewing ray.
+Open3D stores the sparse blocks of voxels and extracts the surface. Its own integration supports only
+pinholes, so that voxels are projected here by the camera's own model. Distances are measured along the
+viewing ray.
 
 References:
     Curless, Levoy: A Volumetric Method for Building Complex Models from Range Images, SIGGRAPH 1996.
@@ -20,11 +21,11 @@ from col3d.geometry import Camera, RadialCamera, points_from_depth
 from col3d.inference.fusion.surface import Surface
 
 ANGLES = 16384
-"""Of the table of directions."""
+"""Number of angles in the table of directions."""
 BLOCK = 8
-"""Voxels along a side of a block."""
+"""Number of voxels along a side of a block."""
 BLOCKS = 4096
-"""To begin with; there are more when they are needed."""
+"""Initial number of blocks; more are added when needed."""
 
 
 class Volume:
@@ -32,7 +33,7 @@ class Volume:
 
     Args:
         voxel: side of a voxel in mm.
-        truncation: distance in voxels beyond which a frame says nothing of what lies behind its surface.
+        truncation: distance in voxels behind a frame's surface beyond which the frame is ignored.
     """
 
     def __init__(self, voxel: float, truncation: float = 4.0) -> None:
@@ -55,14 +56,14 @@ class Volume:
         camera: Camera,
         pose: Float[np.ndarray, "4 4"],
     ) -> None:
-        """Average a frame in.
+        """Average a frame into the field.
 
         Args:
-            depth: along the optical axis, mm.
-            mask: where it is known.
+            depth: depth along the optical axis, in mm.
+            mask: pixels whose depth is known.
             image: RGB.
-            camera: of the frame, at its size.
-            pose: camera to world, mm.
+            camera: camera of the frame, at its size.
+            pose: camera to world, in mm.
         """
         mask = mask & camera.sees()
         points = points_from_depth(depth[None], camera.rays())[0][:, mask[0]].numpy()
@@ -73,12 +74,12 @@ class Volume:
         blocks = self.grid.compute_unique_block_coordinates(cloud, self.reach)
         self.grid.hashmap().activate(blocks)
         places, _ = self.grid.hashmap().find(blocks)
-        where, index = self.grid.voxel_coordinates_and_flattened_indices(places)
-        seen, sdf, colours = self._seen(where.numpy(), depth, mask, image, camera, pose)
+        centres, index = self.grid.voxel_coordinates_and_flattened_indices(places)
+        seen, sdf, colours = self._seen(centres.numpy(), depth, mask, image, camera, pose)
         self._average(index.numpy()[seen], sdf, colours)
 
     def surface(self, least: int = 1) -> Surface:
-        """The surface of the voxels that at least so many frames have seen."""
+        """Extract the surface of the voxels that at least `least` frames have seen."""
         if self.grid.hashmap().size() == 0:
             return Surface(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int64))
         mesh = self.grid.extract_triangle_mesh(weight_threshold=least - 0.5)
@@ -97,7 +98,7 @@ class Volume:
         camera: Camera,
         pose: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Which voxels a frame sees, their signed distance in units of the truncation, and their colour."""
+        """Find the voxels that a frame sees, their signed distance over the truncation, and their colour."""
         local = torch.from_numpy(((voxels - pose[:3, 3]) @ pose[:3, :3]).astype(np.float32))
         height, width = camera.size_hw
         pixels = projected(camera, local).round()
@@ -125,18 +126,18 @@ class Volume:
 def _in_order(
     vertices: Float[np.ndarray, "n 3"], triangles: Int[np.ndarray, "t 3"], colours: UInt8[np.ndarray, "n 3"]
 ) -> Surface:
-    """A surface whose numbering depends on where it lies alone, not on which thread of Open3D came first."""
+    """Sort vertices and triangles by position, because their order depends on the threads of Open3D."""
     order = np.lexsort(vertices.T[::-1])
     place = np.empty_like(order)
     place[order] = np.arange(len(order))
     corners = place[triangles]
-    turn = (corners.argmin(axis=1)[:, None] + np.arange(3)) % 3  # the same triangle, its least corner first
+    turn = (corners.argmin(axis=1)[:, None] + np.arange(3)) % 3  # the same triangle, smallest index first
     corners = np.take_along_axis(corners, turn, axis=1)
     return Surface(vertices[order], corners[np.lexsort(corners.T[::-1])], colours[order])
 
 
 def projected(camera: Camera, points: Float[torch.Tensor, "n 3"]) -> Float[torch.Tensor, "n 2"]:
-    """Pixels as `camera.project` finds them, to 1e-3, its radius read off a table: millions of voxels ask."""
+    """Project points as `camera.project` does, to 1e-3, with a table of radii for speed with many voxels."""
     if not isinstance(camera, RadialCamera):
         return camera.project(points)
     angles, radii = _radii(camera)
@@ -150,7 +151,7 @@ def projected(camera: Camera, points: Float[torch.Tensor, "n 3"]) -> Float[torch
 
 @lru_cache(maxsize=4)
 def _radii(camera: RadialCamera) -> tuple[np.ndarray, np.ndarray]:
-    """Radius of the plane point of directions by their angle to the optical axis."""
+    """Tabulate the radius in the image plane of directions by their angle to the optical axis."""
     angles = torch.linspace(0, np.pi, ANGLES, dtype=torch.float64)[1:, None]
     radii = camera.plane_radius(angles.sin(), angles.cos())[:, 0].numpy()
     return np.concatenate([[0.0], angles[:, 0].numpy()]), np.concatenate([[0.0], radii])

@@ -1,4 +1,4 @@
-"""Lightning callbacks of a training, and those that are registered by name.
+"""Lightning callbacks: those of every training, and those that are registered by name.
 
 Callbacks that write checkpoints are in `runs`.
 """

@@ -1,4 +1,4 @@
-"""A line for each epoch, for logs and terminals without a progress bar."""
+"""Callback that prints a line for each epoch, for logs and terminals without a progress bar."""
 
 import time
 from collections.abc import Callable
@@ -10,10 +10,10 @@ from col3d.registry.metric_specs import OURS
 
 
 class EpochLines(Callback):
-    """Prints losses, watched metrics and those of plugins, the time of the epoch and what is left.
+    """Prints losses, the main metrics and those of plugins, the time of an epoch and the time left.
 
     Args:
-        then: is called with the number of finished epochs.
+        then: called with the number of finished epochs.
     """
 
     SHOWN = ("train/loss", "val/loss", "val/abs_rel", "val/delta1", "val/angle_mean")
@@ -27,7 +27,7 @@ class EpochLines(Callback):
 
     def on_train_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Print the line on the first process."""
-        metrics = trainer.callback_metrics  # reading them is a collective: every process has to
+        metrics = trainer.callback_metrics  # reading them is a collective operation of all processes
         if not trainer.is_global_zero:
             return
         done, last = trainer.current_epoch + 1, trainer.max_epochs or 0

@@ -1,4 +1,4 @@
-"""Lightning's callbacks offered by name, those that are safe to resume, and averages of weights."""
+"""Registration of those callbacks of Lightning that are safe to resume, and averages of weights."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -28,11 +28,11 @@ REFUSED = {
     "ModelPruning": "a pruned training cannot go on from its checkpoint",
     "SpikeDetection": "no loader reads what it writes; a loss that is not finite ends the run anyway",
 }
-"""Callbacks of Lightning that clash with what a training does by itself, and what to do instead."""
+"""Callbacks of Lightning that conflict with what a training does by itself, and what to do instead."""
 
 
 class Averages:
-    """What averages of weights lack: checkpoints within a validation, where the two are exchanged."""
+    """Mixin for averages of weights: correct checkpoints within a validation, where weights are exchanged."""
 
     exchanged = False
 
@@ -42,14 +42,14 @@ class Averages:
         self.exchanged = True
 
     def on_validation_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """Go on with the weights that learn."""
+        """Go back to the weights that are trained."""
         super().on_validation_epoch_end(trainer, pl_module)  # type: ignore[misc]
         self.exchanged = False
 
     def on_save_checkpoint(
         self, trainer: Trainer, pl_module: LightningModule, checkpoint: dict[str, Any]
     ) -> None:
-        """Save both, each in its place."""
+        """Save the average and the trained weights, each under its own key."""
         super().on_save_checkpoint(trainer, pl_module, checkpoint)  # type: ignore[misc]
         if self.exchanged:
             average, learning = checkpoint["current_model_state"], checkpoint["state_dict"]
@@ -65,20 +65,20 @@ class EMAWeightAveraging(Averages, lightnings.EMAWeightAveraging):
 
 
 class StoppedEarly(Callback):
-    """Keeps in checkpoints that a training has stopped, which Lightning forgets when it goes on."""
+    """Keeps in checkpoints that a training has stopped early, which Lightning forgets on resumption."""
 
     KEY = "stopped_early"
 
     def on_save_checkpoint(
         self, trainer: Trainer, pl_module: LightningModule, checkpoint: dict[str, Any]
     ) -> None:
-        """Keep it."""
+        """Save whether the training has stopped."""
         checkpoint[self.KEY] = bool(trainer.should_stop)
 
     def on_load_checkpoint(
         self, trainer: Trainer, pl_module: LightningModule, checkpoint: dict[str, Any]
     ) -> None:
-        """Train no further where it was so."""
+        """Stop if the training had stopped."""
         trainer.should_stop = checkpoint.get(self.KEY) is True
 
 
@@ -90,7 +90,10 @@ for _kind in (WeightAveraging, EMAWeightAveraging):
 
 
 def unheard(callbacks: Iterable[Callback]) -> list[str]:
-    """A line for each callback of a user that waits for a test: the test split is scored without Trainer."""
+    """Return a note for each of a user's callbacks with test hooks, which the final test does not call.
+
+    The test split is scored without the Trainer.
+    """
     hooks = [name for name in vars(Callback) if name.startswith("on_test_")]
     lines = []
     for callback in callbacks:

@@ -1,4 +1,4 @@
-"""The same batches in each epoch, for a network to learn by heart."""
+"""Callback that repeats the same batches in each epoch, to overfit a network to them."""
 
 from collections.abc import Iterator
 
@@ -7,13 +7,13 @@ from torch.utils.data import Sampler
 
 
 class SameBatches(Callback):
-    """Keeps the order of frames that of the first epoch.
+    """Keeps the order of frames of the first epoch in all epochs.
 
-    Lightning would leave out the shuffling of a loader's sampler; that of a batch sampler it does not see.
+    Lightning disables the shuffling of a loader's sampler, but not that of a batch sampler.
     """
 
     def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """Before Lightning tells samplers the epoch, and before a frame is read."""
+        """Replace the sampler, before Lightning sets its epoch and before a frame is read."""
         assert trainer.train_dataloader is not None
         batches = trainer.train_dataloader.batch_sampler
         if not isinstance(batches.sampler, OneOrder):
@@ -21,10 +21,10 @@ class SameBatches(Callback):
 
 
 class OneOrder(Sampler[int]):
-    """The order of a sampler that is told no epoch.
+    """Wraps a sampler without `set_epoch`, so that its order stays the same.
 
     Args:
-        sampler: whose order.
+        sampler: the sampler.
     """
 
     def __init__(self, sampler: Sampler[int]) -> None:

@@ -1,18 +1,18 @@
-"""An encoder that is kept for some epochs, and then learns."""
+"""Callback that freezes an encoder for the first epochs."""
 
 from lightning import Callback, LightningModule, Trainer
 from torch import nn
 
 
 class Unfreeze(Callback):
-    """Keeps an encoder as it is until an epoch.
+    """Freezes an encoder until an epoch.
 
-    Its parameters are in the optimiser from the start: what a checkpoint holds is the same before and after.
-    Under DDP the strategy has to expect parameters without gradients.
+    Its parameters are in the optimiser from the start, so that checkpoints have the same content before and
+    after. Under DDP the strategy has to expect parameters without gradients.
 
     Args:
-        encoder: what is kept; parts of it that never learn stay so.
-        epoch: from which on it learns, the first being 0.
+        encoder: the encoder; parameters that are frozen already stay so.
+        epoch: the first epoch, counted from 0, in which it is trained.
     """
 
     def __init__(self, encoder: nn.Module, epoch: int) -> None:
@@ -20,11 +20,11 @@ class Unfreeze(Callback):
         self.epoch = epoch
 
     def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """A training may go on within an epoch."""
+        """Freeze or unfreeze, because a training may resume within an epoch."""
         self._set(trainer)
 
     def on_train_epoch_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """Keep it, or let it learn."""
+        """Freeze or unfreeze the encoder for the epoch."""
         self._set(trainer)
 
     def _set(self, trainer: Trainer) -> None:

@@ -1,4 +1,4 @@
-"""LightningModules, one for each way of optimising."""
+"""LightningModules, one for each way of training: supervised and adversarial."""
 
 from col3d.training.tasks.adversarial import AdversarialTask
 from col3d.training.tasks.supervised import SupervisedTask

@@ -1,4 +1,4 @@
-"""Training against a discriminator that learns to tell predicted depth from true depth."""
+"""Adversarial training against a discriminator that learns to tell predicted from true depth."""
 
 from typing import Any
 
@@ -13,17 +13,18 @@ from col3d.training.tasks.supervised import SupervisedTask
 
 
 class AdversarialTask(SupervisedTask):
-    """The supervised losses, and the wish to be taken for true by a discriminator; two optimisers in turn.
+    """Supervised losses and an adversarial loss, with two optimisers in turn.
 
-    Each batch first teaches the discriminator, at half the speed, then the network. The discriminator sees
-    image and depth in [-1, 1]; unknown depth is 0 mm in both kinds of pairs, so that it tells nothing.
+    Each batch first trains the discriminator, with half its loss, and then the network. The discriminator
+    sees image and depth in [-1, 1]; unknown depth is 0 mm in both kinds of pairs and so gives nothing away.
 
     Args:
+        arguments: positional arguments of `SupervisedTask`.
         discriminator: (b, 4, h, w) of image and depth -> logits.
-        max_depth: depth in mm that is 1.
-        weight: of the adversarial term beside the loss.
+        max_depth: depth in mm that is mapped to 1.
+        weight: weight of the adversarial term in the network's loss.
         gradient_clip: the largest norm of either gradient, or None.
-        arguments: what a `SupervisedTask` is given.
+        options: keyword arguments of `SupervisedTask`.
 
     References:
         Isola et al.: Image-to-Image Translation with Conditional Adversarial Networks, CVPR 2017, section 3.
@@ -44,7 +45,7 @@ class AdversarialTask(SupervisedTask):
         self.max_depth, self.weight, self.gradient_clip = max_depth, weight, gradient_clip
 
     def training_step(self, batch: Batch, batch_idx: int) -> None:  # type: ignore[override]
-        """One step of the discriminator, one of the network; every term is logged."""
+        """Take a step of the discriminator and one of the network; log every term."""
         generating, discriminating = self.optimizers()  # type: ignore[attr-defined]
         prediction = self(batch)
         taught = self._teach(discriminating, prediction, batch)
@@ -79,7 +80,7 @@ class AdversarialTask(SupervisedTask):
         return torch.cat([2 * batch["image"] - 1, 2 * known / self.max_depth - 1], dim=1)
 
     def configure_optimizers(self) -> Any:
-        """The same optimiser and schedule for the network and for the discriminator."""
+        """Use the same kind of optimiser and schedule for the network and the discriminator."""
         if self.optimizer is None:
             return None
         return [self._optimisation(self.optimizer, net) for net in (self.network, self.discriminator)]

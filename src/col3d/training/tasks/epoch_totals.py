@@ -1,4 +1,4 @@
-"""Means and counts over an epoch that a checkpoint can hold in its middle."""
+"""Means and counts over an epoch, which a checkpoint within the epoch can save."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -7,32 +7,32 @@ import torch
 from torch import Tensor
 
 Reduce = Callable[[Tensor], Tensor]
-"""Sum over all processes."""
+"""Function that sums a tensor over all processes."""
 
 
 class EpochTotals:
-    """Weighted means of named numbers, and counts, in float64 on the device of what is added."""
+    """Weighted means of named numbers, and counts, in float64 on the device of the added values."""
 
     def __init__(self) -> None:
         self.sums: dict[str, Tensor] = {}
-        """By name: sum of value times weight, and sum of weights, which is 0 for a count."""
+        """Sum of value times weight, and sum of weights (0 for a count), by name."""
 
     def reset(self) -> None:
-        """Begin again."""
+        """Forget all sums."""
         self.sums = {}
 
     def add(self, values: Mapping[str, Tensor], weight: int) -> None:
-        """Add values to means."""
+        """Add values to the means of their names."""
         for name, value in values.items():
             scaled = value.detach().double() * weight
             self._add(name, torch.stack([scaled, torch.full_like(scaled, weight)]))
 
     def count(self, name: str, number: Tensor) -> None:
-        """Add to a count."""
+        """Add a number to a count."""
         self._add(name, torch.stack([number.double(), torch.zeros_like(number, dtype=torch.float64)]))
 
     def compute(self, reduce: Reduce) -> dict[str, Tensor]:
-        """Means and counts over all processes, in float32."""
+        """Compute means and counts over all processes, in float32."""
         totals = {name: reduce(sums) for name, sums in self.sums.items()}
         return {
             name: torch.where(weight > 0, total / weight, total).float()
@@ -40,11 +40,11 @@ class EpochTotals:
         }
 
     def state(self, reduce: Reduce) -> dict[str, Any]:
-        """What to keep, over all processes: plain tensors."""
+        """Return the sums over all processes, as plain tensors for a checkpoint."""
         return {name: reduce(sums).cpu() for name, sums in self.sums.items()}
 
     def load(self, state: Mapping[str, Tensor], first: bool, device: torch.device) -> None:
-        """Take up what was kept, on the device that processes reduce on; the first of them has it all."""
+        """Restore saved sums on the device of reductions; only the first process receives them."""
         kept = {name: sums.to(device) for name, sums in state.items()}
         self.sums = kept if first else {name: torch.zeros_like(sums) for name, sums in kept.items()}
 

@@ -1,4 +1,4 @@
-"""Supervised training of depth, and of normals where the network predicts them."""
+"""Supervised training of depth, and of normals if the network predicts them."""
 
 import zlib
 from collections.abc import Mapping
@@ -20,29 +20,29 @@ from col3d.training.parameter_groups import OptimizerFactory, SchedulerFactory
 from col3d.training.tasks.epoch_totals import EpochTotals
 
 EPOCH = "epoch_so_far"
-"""Where a checkpoint keeps the sums of an epoch that is under way."""
+"""Key of the sums of the current epoch in checkpoints."""
 
 
 class SupervisedTask(LightningModule):
-    """One optimiser, one weighted sum of losses; validation by per-frame metrics.
+    """Training by one optimiser and a weighted sum of losses; validation by per-frame metrics.
 
     Args:
         network: (image, rays) -> `Prediction`.
-        loss: (prediction, batch, epoch) -> terms by name and `total`; None where nothing is trained.
+        loss: (prediction, batch, epoch) -> terms by name and `total`; None if nothing is trained.
         optimizer: network -> optimiser.
         scheduler: (optimiser, steps of the schedule, epochs of the training) -> learning-rate schedule.
-        interval: what the schedule is stepped after, "step" or "epoch".
-        monitor: the metric that a schedule watches which watches one.
-        options: plain options that built all this, kept in the checkpoint.
-        metrics: options of metrics, by their names, for validation.
-        seed: what random layers draw from, anew in each step, so that a training that was cut off and goes
-            on draws what it would have drawn.
+        interval: how often the schedule is stepped, after each "step" or "epoch".
+        monitor: the metric that the schedule monitors, if it monitors one.
+        options: plain options of the training, saved in checkpoints.
+        metrics: options of metrics by name, for validation.
+        seed: seed of random layers, which are reseeded in each step, so that a resumed training draws the
+            same numbers as an uninterrupted one.
     """
 
     depth_seen: Tensor
-    """Sum of the training depths in mm, and their number. No buffer: averages of weights take buffers in."""
+    """Sum of the training depths in mm, and their number. No buffer: averages of weights include buffers."""
     _seen: Tensor
-    """The same of the epoch that is under way."""
+    """The same for the current epoch."""
 
     def __init__(
         self,
@@ -72,17 +72,17 @@ class SupervisedTask(LightningModule):
         self.depth_seen = torch.zeros(2, dtype=torch.float64)
 
     def forward(self, batch: Batch) -> Prediction:
-        """The network's prediction for the frames of a batch."""
+        """Predict the frames of a batch."""
         prediction: Prediction = self.network(batch["image"], batch["rays"])
         check_prediction(prediction, batch["image"], type(self.network).__name__)
         return prediction
 
     def training_step(self, batch: Batch, batch_idx: int) -> Tensor:
-        """Weighted sum of the losses; every term is logged."""
+        """Compute the weighted sum of the losses; log every term."""
         return self.losses(self(batch), batch)["total"]
 
     def losses(self, prediction: Prediction, batch: Batch) -> dict[str, Tensor]:
-        """The terms and their `total` for a training batch, logged."""
+        """Compute the terms and their `total` for a training batch, and log them."""
         losses: dict[str, Tensor] = self._losses(prediction, batch)
         self.last_terms = {name: value.detach() for name, value in losses.items() if name != "total"}
         rate = batch["depth"].new_full((), self.trainer.optimizers[0].param_groups[0]["lr"])
@@ -105,17 +105,17 @@ class SupervisedTask(LightningModule):
         return losses
 
     def on_train_epoch_start(self) -> None:
-        """Begin the means, and that of the depth."""
+        """Reset the means of the epoch, including that of the depth."""
         self.totals.reset()
         self._seen = torch.zeros_like(self.depth_seen, device=self.device)
 
     def on_train_batch_start(self, batch: Batch, batch_idx: int) -> None:
-        """Seed each step: Lightning's loader draws too, in a training that goes on at another moment."""
+        """Seed each step: Lightning's loader draws random numbers too, at other times after a resumption."""
         place = f"{self.seed}/{self.current_epoch}/{batch_idx}/{self.global_rank}"
         torch.manual_seed(zlib.crc32(place.encode()))
 
     def on_train_epoch_end(self) -> None:
-        """Keep the mean training depth, over all processes, and let schedules see what was measured."""
+        """Store the sum of training depths over all processes, and step schedules that monitor a metric."""
         if self.current_epoch == 0:
             self.depth_seen = self._sum(self._seen).cpu()
         if self._validated:
@@ -125,11 +125,11 @@ class SupervisedTask(LightningModule):
 
     @property
     def _validated(self) -> bool:
-        """Whether the epoch is one that is validated."""
+        """Whether the current epoch is validated."""
         return (self.current_epoch + 1) % (self.trainer.check_val_every_n_epoch or 1) == 0
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Keep the mean training depth, and the sums of the epoch that is under way, over all processes."""
+        """Save the sum of training depths, and the sums of the current epoch, over all processes."""
         checkpoint[DEPTH_SEEN] = self.depth_seen.clone()
         checkpoint[EPOCH] = {
             "totals": self.totals.state(self._sum),
@@ -137,7 +137,7 @@ class SupervisedTask(LightningModule):
         }
 
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Go on with them."""
+        """Restore these sums."""
         self.depth_seen = depth_seen(checkpoint)
         checkpoint["state_dict"].pop(DEPTH_SEEN, None)
         kept, first = checkpoint[EPOCH], self.global_rank == 0
@@ -145,12 +145,12 @@ class SupervisedTask(LightningModule):
         self._seen = kept["depth_seen"].to(self.device) * first
 
     def _sum(self, values: Tensor) -> Tensor:
-        """Over all processes."""
+        """Sum values over all processes."""
         total: Tensor = self.trainer.strategy.reduce(values.clone(), reduce_op="sum")
         return total
 
     def validation_step(self, batch: Batch, batch_idx: int) -> None:
-        """Losses and metrics."""
+        """Update losses and metrics."""
         prediction = self(batch)
         for name, value in _named(self._losses(prediction, batch)).items():
             self.val_losses[name].update(value, weight=len(batch["image"]))
@@ -160,7 +160,7 @@ class SupervisedTask(LightningModule):
                 metric.update(prediction[key], batch[key], mask)  # type: ignore[literal-required]
 
     def on_validation_epoch_end(self) -> None:
-        """Log the means over frames, and those of the training before it, over all processes."""
+        """Log the means over frames, and those of the training epoch, over all processes."""
         self.log_dict(self.totals.compute(self._sum), sync_dist=True)
         values = {name: metric.compute() for name, metric in self.val_losses.items()}
         for metric in self.val_metrics.values():
@@ -174,7 +174,7 @@ class SupervisedTask(LightningModule):
         self.log_dict({f"val/{name}": value.float() for name, value in values.items()}, sync_dist=True)
 
     def configure_optimizers(self) -> Any:
-        """The optimiser, with a schedule over the steps of the whole training."""
+        """Build the optimiser, with a schedule over the steps of the whole training."""
         if self.optimizer is None:
             return None
         return self._optimisation(self.optimizer, self.network)
@@ -195,14 +195,14 @@ class SupervisedTask(LightningModule):
         return {"optimizer": built, "lr_scheduler": how}
 
     def lr_scheduler_step(self, scheduler: Any, metric: Any | None) -> None:
-        """Step a schedule; one that watches a metric is stepped before the epoch is saved, by `_watch`."""
+        """Step a schedule; `_watch` steps one that monitors a metric, before the epoch is saved."""
         if not isinstance(scheduler, ReduceLROnPlateau):
             scheduler.step()
 
     def _watch(self) -> None:
-        """Step schedules that watch a metric.
+        """Step schedules that monitor a metric.
 
-        Lightning would step them after it has saved the epoch, and a training that goes on never.
+        Lightning would step them only after it has saved the epoch, so that a resumed training would miss it.
         """
         for config in self.trainer.lr_scheduler_configs:
             if isinstance(config.scheduler, ReduceLROnPlateau):
@@ -210,7 +210,7 @@ class SupervisedTask(LightningModule):
 
 
 def _check_length(schedule: LRScheduler, steps: int) -> None:
-    """Refuse a schedule that ends before the training does, which torch says in its middle.
+    """Refuse a schedule that ends before the training, which torch would report only when it happens.
 
     Raises:
         UserError: names the option.
@@ -223,5 +223,5 @@ def _check_length(schedule: LRScheduler, steps: int) -> None:
 
 
 def _named(losses: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """Terms as `loss_<term>`, their weighted sum as `loss`."""
+    """Rename terms to `loss_<term>`, and their weighted sum to `loss`."""
     return {"loss" if name == "total" else f"loss_{name}": value for name, value in losses.items()}
