@@ -1,4 +1,4 @@
-"""What a reader has to know of the cells of a table."""
+"""Notes below a table: missing metrics, partial means and the kinds of intervals."""
 
 from dataclasses import dataclass, field
 
@@ -7,7 +7,7 @@ from col3d.reports.statistics import Interval
 
 @dataclass
 class Notes:
-    """Collects what a reader has to know of the cells of a table."""
+    """Collects the notes below a table, such as metrics that its rows lack."""
 
     missing: dict[str, dict[str, list[str]]] = field(default_factory=dict)
     partial: dict[tuple[str, int, int], list[str]] = field(default_factory=dict)
@@ -15,7 +15,7 @@ class Notes:
     more: list[str] = field(default_factory=list)
 
     def lines(self) -> list[str]:
-        """As sentences."""
+        """The notes as sentences."""
         partial = [
             f"{row}: {lacking} of {frames} frames have no {', '.join(metrics)} and are not in its mean."
             for (row, lacking, frames), metrics in self.partial.items()
@@ -56,13 +56,13 @@ class Notes:
         ]
 
     def _intervals(self) -> list[str]:
-        said = []
+        sentences = []
         for over, rows in self.over.items():
             whose = "" if len(self.over) == 1 else f" ({', '.join(rows)})"
             alone = {"videos": ", there being one seed", "seeds": ", there being one video"}.get(over, "")
-            said.append(
+            sentences.append(
                 f"Intervals{whose}: over {over}{alone}."
                 if over
                 else f"No interval{whose}: one video and one seed."
             )
-        return said
+        return sentences

@@ -1,4 +1,4 @@
-"""Removes names of folders, users and hosts from what is meant to be shared."""
+"""Remove names of folders, users and hosts from content that is meant to be shared."""
 
 import getpass
 import re
@@ -17,7 +17,7 @@ UNNAMED = "folder"
 
 
 def without_places(content: Any) -> Any:
-    """The same text, or lists and objects of texts, with all but the last names of paths left out.
+    """Content in which absolute paths, in texts at any depth, are reduced to their last names.
 
     Paths below the folder of the command stay: `runs/default` says nothing of a machine.
     """
@@ -31,7 +31,7 @@ def without_places(content: Any) -> Any:
 
 
 def command_without_places(command: str) -> str:
-    """The same of a command line, in which paths may be quoted for their spaces."""
+    """A command line without places; paths in it may be quoted for their spaces."""
     try:
         words = shlex.split(command)
     except ValueError:  # changed by hand
@@ -53,11 +53,11 @@ def _word(word: str) -> str:
 def _text(text: str) -> str:
     if "\n" not in text and _is_place(text):
         return last_name(text)
-    return PLACE.sub(lambda found: last_name(found[0]), text)
+    return PLACE.sub(lambda match: last_name(match[0]), text)
 
 
 def _is_place(text: str) -> bool:
-    """Whether a whole text is such a path, spaces and all."""
+    """Whether a whole text is such a path, spaces included."""
     return bool(re.match(rf"{ABOVE}\S", text)) and not re.search(r"\s/|[,;]\s", text)
 
 

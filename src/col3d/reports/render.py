@@ -1,4 +1,4 @@
-"""Tables as Markdown, LaTeX and CSV."""
+"""Render tables as Markdown, LaTeX and CSV."""
 
 import csv
 import io
@@ -55,10 +55,10 @@ def markdown(table: Table) -> str:
     """Title, caption, the table with a row each for intervals and the paper's numbers, and notes."""
     lines = [[*table.heads, *(heading(column).replace("|", r"\|") for column in table.columns)]]
     lines.append(["---"] * len(table.heads) + ["---:"] * len(table.columns))
-    for row, of_row in zip(table.rows, marks(table), strict=True):
+    for row, row_marks in zip(table.rows, marks(table), strict=True):
         own = [
             _marked(number(column, cell.value, cell.std), mark, "**{}**", "<u>{}</u>")
-            for column, cell, mark in zip(table.columns, row.cells, of_row, strict=True)
+            for column, cell, mark in zip(table.columns, row.cells, row_marks, strict=True)
         ]
         lines.append([*map(as_text, row.heads), *own])
         lines += [[*_indented(row, name), *texts] for name, texts in _below(table, row)]
@@ -79,12 +79,12 @@ def latex(table: Table) -> str:
         f"{column.latex or escape(column.heading)}{LATEX_ARROWS[column.better]}" for column in table.columns
     ]
     body = []
-    for i, (row, of_row) in enumerate(zip(table.rows, marks(table), strict=True)):
+    for i, (row, row_marks) in enumerate(zip(table.rows, marks(table), strict=True)):
         if table.grouped and i and row.heads[0] != table.rows[i - 1].heads[0]:
             body.append(r"\midrule")
         own = [
             _marked(escape(number(column, cell.value, cell.std)), mark, r"\textbf{{{}}}", r"\underline{{{}}}")
-            for column, cell, mark in zip(table.columns, row.cells, of_row, strict=True)
+            for column, cell, mark in zip(table.columns, row.cells, row_marks, strict=True)
         ]
         body.append(_latex_row([*map(escape, row.heads), *own]))
         for name, texts in _below(table, row):
@@ -181,7 +181,7 @@ def _below(table: Table, row: Line) -> list[tuple[str, list[str]]]:
         name: [text(column, cell) for column, cell in zip(table.columns, row.cells, strict=True)]
         for name, text in texts.items()
     }
-    return [(name, of_it) for name, of_it in rows.items() if any(of_it)]
+    return [(name, line) for name, line in rows.items() if any(line)]
 
 
 def _latex_row(cells: Sequence[str]) -> str:

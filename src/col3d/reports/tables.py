@@ -1,4 +1,4 @@
-"""A table of results: what every cell holds, and which are best."""
+"""Tables of results: columns, cells, rows, and which cells are best."""
 
 from dataclasses import dataclass, replace
 
@@ -16,7 +16,7 @@ class Column:
         better: "down", "up", or "" where neither is.
         decimals: digits after the point.
         scale: what values of `per_frame.csv` are multiplied by: 100 for shares that the paper has in percent.
-        task: what it is measured on: "depth", "normals", or "" for all else.
+        task: the task that it measures: "depth", "normals", or "" for all else.
     """
 
     key: str
@@ -60,11 +60,11 @@ class Line:
 
 @dataclass(frozen=True)
 class Table:
-    """What a report shows.
+    """A table of a report.
 
     Attributes:
-        name: of its files.
-        heads: headings of the leading texts.
+        name: name of its files.
+        heads: headings of the leading columns of text.
         grouped: whether rows compete only with those of the same first text.
     """
 
@@ -100,15 +100,15 @@ def signed(column: Column) -> Column:
 
 def marks(table: Table) -> list[list[str]]:
     """`best`, `second` or nothing for each cell, by what is printed: equal numbers are marked alike."""
-    found = [["" for _ in table.columns] for _ in table.rows]
+    result = [["" for _ in table.columns] for _ in table.rows]
     groups: dict[str, list[int]] = {}
     for i, row in enumerate(table.rows):
         groups.setdefault(row.heads[0] if table.grouped else "", []).append(i)
     for members in groups.values():
         for j, column in enumerate(table.columns):
             for i, mark in _ranked(table, members, j, column).items():
-                found[i][j] = mark
-    return found
+                result[i][j] = mark
+    return result
 
 
 def _ranked(table: Table, members: list[int], j: int, column: Column) -> dict[int, str]:

@@ -1,4 +1,4 @@
-"""Pictures as a video file, in the best code that OpenCV can write on this machine."""
+"""Write pictures to a video file, in the best codec that OpenCV can write on this machine."""
 
 import errno
 import os
@@ -22,7 +22,7 @@ class VideoWriter:
     """Appends pictures of one size to an MP4 file.
 
     Args:
-        path: of the file, which is there under another name until `close`.
+        path: file to write; it has another name until `close`.
         fps: pictures a second.
     """
 
@@ -66,7 +66,7 @@ class VideoWriter:
 
 
 def _pictures_in(path: Path) -> int:
-    """How many can be read back."""
+    """Number of pictures that can be read back from a file."""
     capture, count = open_video(path), 0
     while capture.grab():
         count += 1
@@ -86,7 +86,7 @@ def _opened(path: Path, fps: float, size_hw: tuple[int, int]) -> tuple[str, cv2.
 
 @contextmanager
 def _silently() -> Iterator[None]:
-    """What fails is said once, by us."""
+    """Silence OpenCV's log inside the block: failures are raised as errors once, by the caller."""
     before = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     try:
         yield

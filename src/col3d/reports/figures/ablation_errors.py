@@ -16,7 +16,7 @@ TITLE = "Errors of the ablation"
 
 
 def draw(material: FigureData, out: Path) -> Figure:
-    """Draw it.
+    """Draw the figure and write it as a PNG file.
 
     Raises:
         MissingError: truth or predictions are not there, or there is nothing to compare.

@@ -1,4 +1,4 @@
-"""Which frames pictures show: chosen by rule, and said in the caption."""
+"""Choose by rule the frames that figures show."""
 
 import numpy as np
 

@@ -11,7 +11,7 @@ from col3d.reports.figures.figure import MissingError
 from col3d.reports.figures.figure_data import Method, predictions_folder
 
 Frame = tuple[str, int]
-"""A video and a number."""
+"""Name of a video and number of the frame."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Truth:
 
 @dataclass(frozen=True)
 class Guess:
-    """Depth in mm and its absolute error; normals and their error in degrees, where they are predicted."""
+    """A prediction: depth in mm and its absolute error; normals and their error in degrees, if predicted."""
 
     depth: np.ndarray
     error: np.ndarray
@@ -88,7 +88,7 @@ class Maps:
     @property
     def pairs(self) -> list[tuple[Guess, Truth]]:
         """Every prediction with its truth."""
-        return [(guess, self.truths[frame]) for frame, of_it in self.guesses.items() for guess in of_it]
+        return [(guess, self.truths[frame]) for frame, guesses in self.guesses.items() for guess in guesses]
 
     @property
     def depths(self) -> list[tuple[np.ndarray, np.ndarray]]:

@@ -13,7 +13,7 @@ CHOSEN = "Frames are the middle one of each segment's frames, in the order of vi
 
 
 def draw(material: FigureData, out: Path) -> Figure:
-    """Draw it.
+    """Draw the figure and write it as a PNG file.
 
     Raises:
         MissingError: truth or predictions are not there.
