@@ -1,4 +1,4 @@
-"""Work on several videos at a time, with progress, and folders that are there whole or not at all."""
+"""Run jobs in several processes, with a progress bar that counts frames."""
 
 import multiprocessing
 import os
@@ -35,15 +35,15 @@ def in_processes(
 
     Args:
         work: a function of a module; it calls `frame_done()` after each frame.
-        jobs: its other arguments.
-        label: what the bar is of.
-        frames: of all jobs together.
-        workers: processes, as many as cores when absent. More than one needs a main module that can be
-            imported, as multiprocessing's `spawn` does.
-        progress: show the bar.
+        jobs: the other arguments of each call.
+        label: text at the left of the bar.
+        frames: number of frames of all jobs together.
+        workers: number of processes, as many as cores when absent. More than one needs a main module that can
+            be imported, as multiprocessing's `spawn` does.
+        progress: whether to show the bar.
 
     Returns:
-        What it returned for each job, in their order.
+        The result of each job, in their order.
 
     Raises:
         Exception: the first that a job raises; jobs that have not begun are given up.
@@ -57,7 +57,7 @@ def in_processes(
 
 
 def frames_bar(label: str, shown: bool = True) -> Progress:
-    """A bar that counts frames and says how long the rest takes."""
+    """A progress bar that counts frames and shows the time left."""
     columns = (
         TextColumn(label),
         BarColumn(),
@@ -76,7 +76,7 @@ def _in_pool(
     workers: int,
     report: Callable[[int], None],
 ) -> list[Any]:
-    """Spawned, not forked: forking a process that has used threads may hang."""
+    """Run jobs in a pool of spawned processes: forking a process that has used threads may hang."""
     context = multiprocessing.get_context("spawn")
     counter = context.Value("q", 0)
     with ProcessPoolExecutor(workers, context, initializer=_start, initargs=(counter,)) as pool:
@@ -106,9 +106,9 @@ def _in_pool(
 
 @contextmanager
 def _usual_start_method() -> Iterator[None]:
-    """Let processes be started where this one is of joblib, whose way of starting is told to them by name.
+    """Set the start method to `spawn` inside the block where it is joblib's own.
 
-    They would look for that name before they know joblib.
+    Children are given the start method by name, and look it up before they import joblib.
     """
     before = multiprocessing.get_start_method(allow_none=True)
     if before in (None, *multiprocessing.get_all_start_methods()):
@@ -144,7 +144,7 @@ def _start(counter: Any) -> None:
 
 
 def _end_with_parent() -> None:
-    """A worker whose parent was killed would wait for its next job for ever."""
+    """End a worker whose parent was killed; it would wait for its next job for ever."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     parent.join()

@@ -1,7 +1,7 @@
 """Checks of a whole data set as it lies on disk: every file, every frame, what normals and poses mean.
 
 Nothing here ends at the first fault: what is wrong is collected as findings, each of which names the file,
-the rule and what came.
+the rule and what was found.
 """
 
 from col3d.data.checks.conventions import CONVENTIONS, Convention, ranked
