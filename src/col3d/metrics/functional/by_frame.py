@@ -1,4 +1,4 @@
-"""Metrics of a batch, computed where they are fastest."""
+"""Compute metrics of a batch frame by frame where that is faster."""
 
 from collections.abc import Callable
 

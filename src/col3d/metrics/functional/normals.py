@@ -66,17 +66,17 @@ def _errors(
     def shares(limits: Mapping[str, float]) -> dict[str, Tensor]:
         return {name: (mask & (angles < limit)).sum(dim=(1, 2, 3)) / count for name, limit in limits.items()}
 
-    found = {"angle_mean": mean(angles), "angle_median": _median(angles, mask), **shares(LIMITS)}
+    values = {"angle_mean": mean(angles), "angle_median": _median(angles, mask), **shares(LIMITS)}
     if further:
-        found |= {"angle_rmse": mean(angles.double().square()).sqrt(), **shares(FURTHER_LIMITS)}
-    return found
+        values |= {"angle_rmse": mean(angles.double().square()).sqrt(), **shares(FURTHER_LIMITS)}
+    return values
 
 
 def _median(values: Tensor, mask: Tensor) -> Tensor:
     """Middle value of each frame, the mean of the two middle ones of an even number; NaN for none."""
     medians = values.new_full((len(values),), torch.nan, dtype=torch.float64)
-    for i, (of_frame, counts) in enumerate(zip(values, mask, strict=True)):
-        if len(counting := of_frame[counts]):
+    for i, (frame_values, counts) in enumerate(zip(values, mask, strict=True)):
+        if len(counting := frame_values[counts]):
             lower = counting.median()
             above = counting > lower
             upper = torch.where(above, counting, torch.inf).min()
