@@ -1,4 +1,4 @@
-"""Errors of depth, pixel by pixel: in mm, and of its logarithm."""
+"""Pixel-wise errors of depth: in mm, and of its logarithm."""
 
 import torch
 from jaxtyping import Bool, Float
@@ -15,7 +15,7 @@ def depth_l1(
 ) -> Float[Tensor, ""]:
     """Mean absolute error in mm.
 
-    The published pix2pix takes it of depth in [-1, 1], where it is 2 / max_depth times this one.
+    The published pix2pix computes it for depth in [-1, 1], where it is 2 / max_depth times this one.
 
     Args:
         preds: predicted depth in mm.
