@@ -66,10 +66,10 @@ def _errors(
     def shares(limits: Mapping[str, float]) -> dict[str, Tensor]:
         return {name: (mask & (angles < limit)).sum(dim=(1, 2, 3)) / count for name, limit in limits.items()}
 
-    values = {"angle_mean": mean(angles), "angle_median": _median(angles, mask), **shares(LIMITS)}
+    errors = {"angle_mean": mean(angles), "angle_median": _median(angles, mask), **shares(LIMITS)}
     if further:
-        values |= {"angle_rmse": mean(angles.double().square()).sqrt(), **shares(FURTHER_LIMITS)}
-    return values
+        errors |= {"angle_rmse": mean(angles.double().square()).sqrt(), **shares(FURTHER_LIMITS)}
+    return errors
 
 
 def _median(values: Tensor, mask: Tensor) -> Tensor:
