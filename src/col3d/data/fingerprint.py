@@ -68,7 +68,7 @@ def _summed(root: Path, paths: Iterable[Path]) -> str:
     for path in paths:
         try:
             status = path.stat()
-        except OSError:  # gone since it was listed
+        except OSError:  # deleted since it was listed
             continue
         total.update(
             f"{path.relative_to(root).as_posix()}\0{status.st_size}\0{status.st_mtime_ns}\n".encode()

@@ -21,9 +21,9 @@ class Shared:
     of_surface: tuple[str, ...]
     """Training videos of the same phantom and texture."""
     of_phantom: tuple[str, ...]
-    """Training videos of the same phantom, with whatever texture."""
+    """Training videos of the same phantom, with any texture."""
     of_texture: tuple[str, ...]
-    """Training videos of the same texture, on whatever phantom."""
+    """Training videos of the same texture, on any phantom."""
 
     @property
     def worst(self) -> str:

@@ -1,4 +1,4 @@
-"""Options of a data set, whichever it is: where it is, its split, and how its frames are fed."""
+"""Options of any data set: its location, its split, and how its frames are fed."""
 
 from collections.abc import Mapping, Sequence
 from inspect import signature
@@ -28,7 +28,7 @@ class SplitOptions(Options):
     test: list[str]
 
     def needs(self, option: str, *parts: Split) -> None:
-        """Refuse parts that are used and empty.
+        """Refuse parts that are used but empty.
 
         Raises:
             ValueError: names the option.
@@ -139,7 +139,7 @@ DataOptions.model_rebuild()
 
 
 def of_the_table() -> list[str]:
-    """Data sets whose videos are those of `videos.csv`."""
+    """Names of the data sets whose videos are those of `videos.csv`."""
     return [name for name in DATASETS.names() if DATASETS[name].facts["table"]]
 
 

@@ -20,7 +20,7 @@ from col3d.errors import UserError
 POLL_SECONDS = 0.2
 
 _frames_done: Any = None
-"""In a worker process: the counter it shares with its parent."""
+"""The counter that a worker process shares with its parent."""
 
 
 def in_processes(
@@ -31,7 +31,7 @@ def in_processes(
     workers: int | None = None,
     progress: bool = True,
 ) -> list[Any]:
-    """Call `work(*job, frame_done)` for every job, several at a time, under a bar with the time left.
+    """Call `work(*job, frame_done)` for every job, several at a time, with a progress bar.
 
     Args:
         work: a function of a module; it calls `frame_done()` after each frame.
@@ -46,7 +46,7 @@ def in_processes(
         The result of each job, in their order.
 
     Raises:
-        Exception: the first that a job raises; jobs that have not begun are given up.
+        Exception: the first that a job raises; jobs that have not begun are cancelled.
     """
     workers = min(workers or os.cpu_count() or 1, len(jobs))
     with frames_bar(label, shown=progress and bool(jobs)) as bar:
@@ -122,9 +122,9 @@ def _usual_start_method() -> Iterator[None]:
 
 
 def _undisturbed(start: Callable[[], Any]) -> Any:
-    """Start processes in a thread, where no signal's exception leaves one half started.
+    """Start processes in a thread, where no signal's exception can leave one half started.
 
-    Ctrl-C never reaches what is started there: its parent ends it.
+    Ctrl-C never reaches these processes: their parent ends them.
     """
     with ThreadPoolExecutor(
         1, initializer=signal.pthread_sigmask, initargs=(signal.SIG_BLOCK, {signal.SIGINT})
@@ -139,7 +139,7 @@ def _start(counter: Any) -> None:
     torch.set_num_threads(1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the parent, which ends its workers
     for number in (signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, lambda *_: sys.exit(1))  # so that they clear away what is half done
+        signal.signal(number, lambda *_: sys.exit(1))  # so that they delete unfinished files
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
@@ -154,7 +154,7 @@ def _end_with_parent() -> None:
 def _counted(work: Callable[..., Any], job: Sequence[Any]) -> Any:
     try:
         return work(*job, _count)
-    except SystemExit:  # which the pool would take for a result of the job
+    except SystemExit:  # the pool would take it for a result of the job
         os._exit(1)
 
 

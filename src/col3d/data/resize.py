@@ -67,7 +67,7 @@ class Resize:
         return {"image": image, **truth, "video": frame.video, "frame": frame.number}
 
     def take(self, values: np.ndarray) -> np.ndarray:
-        """The pixels around new centres of an array (h, w) or (h, w, c): twice the new height and width."""
+        """Select the pixels around new centres in (h, w) or (h, w, c): twice the new height and width."""
         (rows, _), (columns, _) = self._around
         return values.take(rows, axis=0).take(columns, axis=1)
 
@@ -75,7 +75,7 @@ class Resize:
         return resized_image(image[None], self.size_hw)[0]
 
     def _resized(self, whole: Mapping[str, Tensor]) -> dict[str, Tensor]:
-        """Depth, mask and normals from those of all pixels."""
+        """Depth, mask and normals, resized from those of all pixels."""
         maps = {key: values.movedim(0, -1).numpy() for key, values in whole.items()}
         return self._between(
             {key: torch.from_numpy(self.take(values)).movedim(-1, 0) for key, values in maps.items()}
@@ -108,7 +108,7 @@ class Resize:
 
     @cached_property
     def _inside(self) -> tuple[Int[Tensor, " n"], Int[Tensor, " n"]]:
-        """Of all old pixels, the new one that each lies in, and an order in which nearer ones come later."""
+        """The new pixel that contains each old pixel, and an order in which nearer ones come later."""
         (rows, down), (columns, across) = map(_cells, self.camera.size_hw, self.size_hw)
         inside = (rows[:, None] * self.size_hw[1] + columns).flatten()
         far = (down[:, None].square() + across.square()).flatten()
@@ -116,7 +116,7 @@ class Resize:
 
     @cached_property
     def _below_centres(self) -> Int[Tensor, " n"]:
-        """The old pixel that the centre of each new one lies in."""
+        """The old pixel that contains the centre of each new one."""
         rows, columns = (
             torch.arange(new).mul(2).add(1).mul(old).div(2 * new, rounding_mode="floor")
             for old, new in zip(self.camera.size_hw, self.size_hw, strict=True)
@@ -152,7 +152,7 @@ def resized_image(image: UInt8[Tensor, "b 3 h w"], size_hw: tuple[int, int]) -> 
 
 
 def _cells(old: int, new: int) -> tuple[Int[Tensor, " n"], Float[Tensor, " n"]]:
-    """The new pixel that each old one lies in, and how far it is from its centre, in old pixels."""
+    """The new pixel that contains each old one, and its distance from the centre in old pixels."""
     place = torch.arange(old)
     cell = ((2 * place + 1) * new).div(2 * old, rounding_mode="floor")
     return cell, place - ((cell.double() + 0.5) * (old / new) - 0.5)

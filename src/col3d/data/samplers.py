@@ -17,7 +17,7 @@ class WeightedOrder(Sampler[int]):
     Args:
         parts: number of frames and weight of each data set.
         seed: seed of the order.
-        rank: of this process; the order is padded with its first frames where it is not divisible.
+        rank: rank of this process; the order is padded with its first frames where it is not divisible.
         world_size: number of processes.
     """
 
@@ -61,7 +61,7 @@ class ShardedSampler(Sampler[int]):
 
 
 class ResumableLoader(SteadyLoader):
-    """A loader whose position a checkpoint keeps: the epoch that follows `load_state_dict` begins there.
+    """A loader whose position checkpoints keep: the epoch after `load_state_dict` begins there.
 
     The order of frames depends on (seed, epoch) alone, so that the number of batches is all there is to keep.
     """

@@ -1,4 +1,4 @@
-"""Frames at a network's size: from the files, from several data sets, in codes or in standard units."""
+"""Frames at a network's size: from files or several data sets, as codes or in standard units."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from col3d.geometry import Camera
 
 
 class SizedFrames(Dataset[dict[str, Any]], ABC):
-    """Frames of one size whose values are those of their codes, whatever they are read from.
+    """Frames of one size whose values are those of their codes, from any source.
 
     Attributes:
         cameras: cameras of the frames, at their size; `QuantizedBatch.lens` is an index of these.

@@ -39,16 +39,16 @@ def paper_split() -> dict[str, list[str]]:
 
 
 def leave_out(kind: str, value: str) -> dict[str, list[str]]:
-    """A split that tests on every video of one segment or texture, and neither trains nor validates on any.
+    """A split that tests on all videos of a segment or texture, and trains and validates on none of them.
 
-    Validated on the paper's validation videos that are left, trained on all others, cecum_t1_b among them.
+    It validates on the paper's remaining validation videos, and trains on all others, including cecum_t1_b.
 
     Args:
         kind: "segment" or "texture".
-        value: which, such as "cecum" or "3".
+        value: name of the segment or texture, such as "cecum" or "3".
 
     Raises:
-        DataError: no video is of it.
+        DataError: no video has it.
     """
     test = [v.name for v in video_table().values() if getattr(v, kind) == value]
     if not test:

@@ -1,4 +1,4 @@
-"""Transforms of batches: image, depth, normals, mask and rays move together.
+"""Transforms of batches that keep image, depth, normals, mask and rays consistent.
 
 A pixel is valid after a transform only where all pixels it is interpolated from are, or, of truth with holes,
 where the nearest one is; vectors turn and mirror with the image. kornia warps the maps but leaves the vectors

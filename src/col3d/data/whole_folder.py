@@ -21,7 +21,7 @@ lists that cannot be read."""
 
 @contextmanager
 def whole_folder(folder: Path) -> Iterator[Path]:
-    """A folder to fill that takes the place of `folder` when the block ends well, and vanishes otherwise.
+    """A folder to fill, which replaces `folder` when the block succeeds, and is deleted otherwise.
 
     Raises:
         DataError: `folder` holds something that this program did not write; the block does not begin.
@@ -40,7 +40,7 @@ def whole_folder(folder: Path) -> Iterator[Path]:
 
 
 def check_replaceable(folder: Path) -> None:
-    """Refuse a video's folder with anything in it that this program did not write.
+    """Refuse a video's folder that holds anything that this program did not write.
 
     Raises:
         DataError: names the folder and what is in it.
@@ -70,7 +70,7 @@ def _names(folder: Path) -> set[str]:
 
 
 def _listed(path: Path) -> set[str] | None:
-    """The files that a list names; None where it is cut off or damaged."""
+    """The files that a list names; None where it is truncated or damaged."""
     with suppress(OSError, ValueError, AttributeError, TypeError):
         content = json.loads(path.read_text(encoding="utf-8"))
         files = content["files"] if "files" in content else [f"{name}.npy" for name in content["shards"]]

@@ -26,14 +26,14 @@ BISECTIONS = 24
 
 @dataclass(frozen=True)
 class Camera(ABC):
-    """A central camera; see the module for its model."""
+    """A central camera; see the module's docstring for the model."""
 
     size_hw: tuple[int, int]
     """Image height and width in pixels."""
     centre: tuple[float, float]
     """Pixel (u, v) of the optical axis."""
     stretch: Matrix2
-    """S of the module's text, in pixels per unit of the plane point."""
+    """Matrix S of the module's docstring, in pixels per unit of the plane point."""
 
     @abstractmethod
     def directions(self, plane: Float[Tensor, "*n 2"]) -> Float[Tensor, "*n 3"]:

@@ -37,7 +37,7 @@ POLICIES: dict[str, Callable[[nn.Module], None]] = {
 }
 """* `first_conv`: the first convolution.
 * `batch_norm`: scales and offsets of the batch norms; their statistics are still those of each batch.
-* `batch_norm_statistics`: those too: the batch norms become fixed affine maps.
+* `batch_norm_statistics`: also the statistics: the batch norms become fixed affine maps.
 * `encoder`: every parameter."""
 
 

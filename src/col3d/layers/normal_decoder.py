@@ -35,7 +35,7 @@ class NormalFrame:
     as_input: Callable[[Tensor, Tensor | None], Tensor]
     """Unit normals -> the components that the next convolutions take as input."""
     of_pixel: Callable[[Tensor, Tensor | None], Tensor]
-    """Three components without bounds -> unit normals of pixels."""
+    """Three unbounded components -> unit normals of pixels."""
     needs_rays: bool = False
 
 

@@ -89,7 +89,7 @@ class WindowAttention(nn.Module):
     def forward(
         self, x: Float[Tensor, "b h w c"], value: Float[Tensor, "b h w c"] | None = None
     ) -> Float[Tensor, "b h w c"]:
-        """A map, and the values where they are not its own -> the attended values."""
+        """A map, and the values if they do not come from it -> the attended values."""
         assert (value is None) == self.own_value
         _, height, width, _ = x.shape
         full_hw = (whole_windows(height), whole_windows(width))
@@ -148,7 +148,7 @@ class WindowBlock(nn.Module):
     def forward(
         self, x: Float[Tensor, "b h w c"], value: Float[Tensor, "b h w c"] | None = None
     ) -> Float[Tensor, "b h w c"]:
-        """A map, and the values where they are not its own -> the map, refined."""
+        """A map, and the values if they do not come from it -> the refined map."""
         x = x + self.drop_path(self.attn(self.norm1(x), value))
         refined: Tensor = x + self.drop_path(self.mlp(self.norm2(x)))
         return refined

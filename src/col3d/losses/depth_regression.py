@@ -39,7 +39,7 @@ def depth_l1(
 def rmse_log(
     preds: Float[Tensor, "b 1 h w"], target: Float[Tensor, "b 1 h w"], mask: Bool[Tensor, "b 1 h w"]
 ) -> Float[Tensor, ""]:
-    """Root mean squared difference of the natural logarithms: SILog that is not invariant to scale at all.
+    """Root mean squared difference of natural logarithms: SILog without any invariance to scale.
 
     Args:
         preds: predicted depth in mm.

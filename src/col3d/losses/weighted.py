@@ -23,8 +23,8 @@ class WeightedLoss(nn.Module):
 
     Args:
         lambdas: one weight for each term, in the order of the terms.
-        terms: by name: a function of (prediction, batch), or the name of a registered term, alone or with
-            its options and the epoch from which it counts: `{"term": "silog", "from_epoch": 4}`.
+        terms: terms by name, each a function of (prediction, batch), or the name of a registered term, alone
+            or with its options and the epoch from which it counts: `{"term": "silog", "from_epoch": 4}`.
         max_depth: depth in mm that terms scale depth by.
         balance: how terms and lambdas become one number; the weighted sum when absent.
 

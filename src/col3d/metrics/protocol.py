@@ -29,7 +29,7 @@ class Protocol:
     truth_range: tuple[float, float] = (0.0, float("inf"))
     """True depths in mm that count, both ends excluded."""
     cosine_epsilon: float = 0.0
-    """Added to |p| |t| in the denominator of the cosine of normals; published code has 1e-3."""
+    """Term added to |p| |t| in the denominator of the cosine of normals; published code has 1e-3."""
     normal_axes: str = "standard"
     """"standard", or "published": y up, z out of the screen, and a true z below 0 clipped to 0."""
     metrics: Options | None = None

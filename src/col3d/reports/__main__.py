@@ -54,12 +54,12 @@ def report(runs: Path, out: Path, protocol: str | None, truth: Path | None) -> l
 
 
 def _beside(runs: Path) -> Path | None:
-    """The frames that col3d benchmark keeps beside its runs."""
+    """Folder of the frames that col3d benchmark keeps beside its runs; None where it is absent."""
     return runs / "truth" if (runs / "truth").is_dir() else None
 
 
 def _of_protocol(collected: Found, protocol: str | None) -> Found:
-    """The runs that are scored under a protocol; the others are named as left out."""
+    """The runs that are scored under a protocol; the others are listed as left out."""
     if protocol is None:
         return collected
     known = sorted({str(run.summary["protocol"]) for run in collected.runs})
@@ -75,7 +75,7 @@ def _of_protocol(collected: Found, protocol: str | None) -> Found:
 
 
 def _pictures(collected: Found, folder: Path, truth: Path | None) -> tuple[list[Picture], tuple[str, ...]]:
-    """Figures of the runs, and why others are not drawn."""
+    """Draw figures of the runs; returns them, and the reasons why others are not drawn."""
     from col3d.reports.figures import draw
 
     drawn = draw(collected, folder, truth)

@@ -145,7 +145,7 @@ def _shares(experiment: Experiment, with_paper: bool, notes: Notes) -> dict[str,
 
 
 def _present(experiment: Experiment, name: str) -> list[str]:
-    """Segments or videos of the frames that were scored, in the order in which the paper prints segments."""
+    """Segments or videos of the scored frames, in the order in which the paper prints segments."""
     frames = experiment.rows[0].runs[0].frames
     order = list(training_shares())
     pairs = dict(zip(frames[name].tolist(), frames["segment"].tolist(), strict=True))
@@ -154,7 +154,7 @@ def _present(experiment: Experiment, name: str) -> list[str]:
 
 
 def _part(row: SeedGroup, name: str, value: str) -> SeedGroup:
-    """The repetitions with the frames of one segment or video alone."""
+    """A row's repetitions, reduced to the frames of one segment or video."""
     runs = []
     for run in row.runs:
         kept = run.frames[name] == value

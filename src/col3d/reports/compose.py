@@ -42,7 +42,7 @@ NO_TABLE: Mapping[str, Values] = MappingProxyType({})
 
 
 def title_of(experiment: Experiment) -> str:
-    """Heading of its table."""
+    """Heading of an experiment's table."""
     return TITLES.get(experiment.name, experiment.name.replace("other_", "Other runs "))
 
 
@@ -150,7 +150,7 @@ def _differences(experiment: Experiment, baseline: str, tasks: tuple[str, ...]) 
 
 
 def _measured(row: SeedGroup, column: Column, printed: Values, notes: Notes, with_std: bool) -> Cell:
-    """Our mean, where every repetition has the metric, and the paper's."""
+    """Cell with our mean, where every repetition has the metric, and the paper's number."""
     mean, std = printed.get(column.key, (None, None))
     paper = {"paper": mean, "paper_std": std}
     sample = complete_sample(row, column, notes)

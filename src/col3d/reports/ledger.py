@@ -36,7 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def print_ledger(jobs: Sequence[Job], console: Console | None = None) -> None:
-    """A row for each job, and how many there are of each state."""
+    """Print a row for each job, and the number of jobs in each state."""
     console = console or plain_console()
     if not console.is_terminal:
         console.width = max(console.width, LOG_WIDTH)

@@ -23,22 +23,22 @@ class Notes:
         return [*self._intervals(), *self._missing(), *partial, *self.more]
 
     def lacks(self, row: str, runs: str, metric: str) -> None:
-        """Remember that runs of a row do not have a metric that others have."""
+        """Record that runs of a row do not have a metric that others have."""
         metrics = self.missing.setdefault(row, {}).setdefault(runs, [])
         metrics += [metric] if metric not in metrics else []
 
     def lacks_in(self, row: str, lacking: int, frames: int, metric: str) -> None:
-        """Remember that some frames of a row do not have a metric."""
+        """Record that some frames of a row do not have a metric."""
         metrics = self.partial.setdefault((row, lacking, frames), [])
         metrics += [metric] if metric not in metrics else []
 
     def add(self, note: str) -> None:
-        """Remember a sentence, once."""
+        """Add a sentence, once."""
         if note not in self.more:
             self.more.append(note)
 
     def interval(self, row: str, interval: Interval | None) -> None:
-        """Remember what the intervals of a row are over."""
+        """Record what the intervals of a row are over."""
         rows = self.over.setdefault("" if interval is None else interval.over, [])
         if row not in rows:
             rows.append(row)

@@ -24,7 +24,7 @@ def paper_table(name: str) -> dict[str, Values]:
 
 @cache
 def methods() -> dict[str, str]:
-    """What the paper calls each network, by its name here."""
+    """The paper's name of each network, by the network's name here."""
     return {row["model"]: row["label"] for row in _rows("methods")}
 
 

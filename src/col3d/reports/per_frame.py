@@ -36,7 +36,7 @@ def write_per_frame(path: Path, rows: Iterable[Row], metrics: Iterable[str] = tu
 
 
 def read_per_frame(path: Path) -> list[dict[str, str]]:
-    """The rows of a table as text; it has the metrics that were known when it was written.
+    """Read the rows of a table as text; an older table has the metrics of its time.
 
     Raises:
         ValueError: a column that identifies the frame of a row is missing.
@@ -62,10 +62,10 @@ def means(
     """Mean of every metric that the rows have; a frame without valid pixels has none.
 
     Args:
-        rows: of one run.
-        average: what weighs the same: each "frame", each "video" whatever its length, or each "pixel" that
-            counts, where the metric's spec says how: see `MetricSpec.over_pixels`.
-        specs: of the metrics; one without a spec has no mean over pixels.
+        rows: rows of one run.
+        average: unit that weighs the same: each "frame", each "video" whatever its length, or each "pixel"
+            that counts, where the metric's spec says how: see `MetricSpec.over_pixels`.
+        specs: specs of the metrics; one without a spec has no mean over pixels.
 
     Raises:
         ValueError: the average is unknown.

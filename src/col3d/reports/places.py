@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 ABOVE = r"(?:file://)?(?:~[\w.-]*|(?:\.\./)*\.\.)?/(?!/)"
-"""How a path begins: at the root, at a home, or above the folder of the command."""
+"""Beginning of a path: at the root, at a home, or above the folder of the command."""
 PLACE = re.compile(rf"(?<![\w.~/<]){ABOVE}[^\s'\"`,;:(){{}}\[\]<>|]+")
 """Such a path inside a text."""
 UNNAMED = "folder"
@@ -34,7 +34,7 @@ def command_without_places(command: str) -> str:
     """A command line without places; paths in it may be quoted for their spaces."""
     try:
         words = shlex.split(command)
-    except ValueError:  # changed by hand
+    except ValueError:  # the command line was edited by hand
         return str(_text(command))
     return shlex.join([_word(word) for word in words])
 

@@ -69,7 +69,7 @@ class Found:
 
 
 class _UnusableError(Exception):
-    """Why a folder is left out."""
+    """Reason why a folder is left out."""
 
 
 def read_runs(root: Path) -> Found:
@@ -174,7 +174,7 @@ def _is_numeric(rows: list[dict[str, str]], name: str) -> bool:
 
 
 def _check(rows: list[dict[str, str]], frames: Frames, summary: dict[str, Any]) -> None:
-    """Refuse a table that is cut short, of several runs, or with values that are no numbers."""
+    """Refuse a table that is truncated, of several runs, or with values that are not finite."""
     if len(rows) != summary["frames"] or not rows:
         raise _UnusableError(f"{TABLE} has {len(rows)} frames, {SUMMARY} says {summary['frames']}")
     for name in SAME:
@@ -189,7 +189,7 @@ def _check(rows: list[dict[str, str]], frames: Frames, summary: dict[str, Any]) 
 
 
 def _check_finite(rows: list[dict[str, str]], frames: Frames, metrics: list[str]) -> None:
-    """Refuse errors of predictions that are no numbers; metrics that a frame need not have may lack any."""
+    """Refuse metrics that are not finite, except those that a frame need not have."""
     measured = [name for name in metrics if name in frames]
     if not measured:
         return

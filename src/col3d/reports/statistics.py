@@ -12,7 +12,7 @@ DRAWS, LEVEL, GENERATOR_SEED = 2000, 0.95, 0
 
 @dataclass(frozen=True)
 class Sample:
-    """Values of a metric with the seed, video and frame that each is of."""
+    """Values of a metric, with the seed, video and frame of each."""
 
     values: np.ndarray
     seeds: np.ndarray
@@ -31,7 +31,7 @@ class Interval:
 
 @dataclass(frozen=True)
 class Difference:
-    """Mean over the frames that both have, ours less the baseline's."""
+    """Mean over the frames that both have of our value minus the baseline's."""
 
     mean: float
     interval: Interval | None

@@ -1,4 +1,4 @@
-"""`summary.json` of a run, and the same as a table on screen."""
+"""Summary of a run: the content of `summary.json`, and a table of it on screen."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -7,15 +7,15 @@ from col3d.registry.metric_specs import OURS, MetricSpec
 
 @dataclass(frozen=True)
 class Column:
-    """What a column measures and how it is printed.
+    """Metric or fact of a table's column, and how it is printed.
 
     Attributes:
         key: name in files.
-        heading: for people.
+        heading: heading for readers.
         latex: heading in LaTeX; the other one, escaped, where it is empty.
         better: "down", "up", or "" where neither is.
         decimals: digits after the point.
-        scale: what values of `per_frame.csv` are multiplied by: 100 for shares that the paper has in percent.
+        scale: factor of the values of `per_frame.csv`: 100 for shares that the paper has in percent.
         task: the task that it measures: "depth", "normals", or "" for all else.
     """
 
@@ -30,17 +30,17 @@ class Column:
 
     @property
     def file_key(self) -> str:
-        """Name in CSV files: says where values are not those of `per_frame.csv`."""
+        """Name in CSV files, which marks values in other units than those of `per_frame.csv`."""
         return f"{self.key}_percent" if self.scale == 100 else self.key
 
     def text(self, value: float) -> str:
-        """A number as it is printed."""
+        """Format a number as it is printed."""
         return f"{value:.{self.decimals}f}"
 
 
 @dataclass(frozen=True)
 class Cell:
-    """A number of ours in the column's unit, how sure it is, and the paper's."""
+    """Our number in the column's unit with its uncertainty, and the paper's number."""
 
     value: float | None = None
     std: float | None = None

@@ -115,7 +115,7 @@ def _title(facts: Mapping[str, Any]) -> str:
 
 
 def cells(video: Mapping[str, Any]) -> list[str]:
-    """One row of the table."""
+    """Cells of one video's row of the table."""
     expected = "" if video["expected"] is None else f"/{video['expected']}"
     pinhole = " pinhole" if video["camera"] == "pinhole" else ""
     return [
@@ -135,7 +135,7 @@ def cells(video: Mapping[str, Any]) -> list[str]:
 
 
 def ranking_lines(facts: Mapping[str, Any]) -> list[str]:
-    """The best conventions over all frames."""
+    """Lines on the best conventions over all frames."""
     return [
         f"{row['angle']:6.2f} deg  {row['normals']} of the {row['camera']}"
         + (f", release {row['release']}" if row["release"] else "")
@@ -144,7 +144,7 @@ def ranking_lines(facts: Mapping[str, Any]) -> list[str]:
 
 
 def lens_lines(facts: Mapping[str, Any]) -> list[str]:
-    """Readings of the lens, the best first."""
+    """Lines on the readings of the lens, the best first."""
     return [
         f"{row['error']:8.5f} mm  stretch matrix {row['reading']}{', in use' if row['own'] else ''}"
         for row in facts["lens"]
@@ -152,7 +152,7 @@ def lens_lines(facts: Mapping[str, Any]) -> list[str]:
 
 
 def finding_lines(findings: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """Faults, then notes; of many of a kind in a video the first ones and their number."""
+    """Lines of faults, then of notes; of many of a kind in a video the first ones and their number."""
 
     def kind(finding: Mapping[str, Any]) -> tuple[bool, str, str]:
         return not finding["fault"], finding["video"], finding["rule"]

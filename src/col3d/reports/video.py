@@ -6,7 +6,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # before its first use: an absent encoder is no news
+os.environ.setdefault(
+    "OPENCV_FFMPEG_LOGLEVEL", "-8"
+)  # before its first use: an absent encoder needs no message
 
 import cv2
 import numpy as np
@@ -48,10 +50,10 @@ class VideoWriter:
         self.count += 1
 
     def close(self) -> None:
-        """Finish the file; none is left where nothing was added.
+        """Finish the file; no file is left where nothing was added.
 
         Raises:
-            OSError: the file does not hold every picture, which OpenCV does not say when a disk is full.
+            OSError: the file does not hold every picture, which OpenCV does not report when a disk is full.
         """
         if self.writer is None:
             return

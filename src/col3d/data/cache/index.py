@@ -16,7 +16,7 @@ from col3d.geometry import Camera
 from col3d.geometry.camera_file import camera_from_plain, plain_from_camera
 
 SCHEMA = 1
-"""Raised whenever equal sources give other codes or files than before."""
+"""Version of the format, raised whenever equal sources give other codes or files than before."""
 DENSE_RULE = (
     "image: bilinear, antialiased, in 8 bits; depth and normals: bilinear between the four pixels around; "
     "known where all four are"
@@ -75,7 +75,7 @@ class Shard:
 
     Attributes:
         shape: n frames first.
-        dtype: as numpy writes it.
+        dtype: numpy's text of the type.
         offset: bytes before the data: the header.
         bytes: size of the whole file.
         header_crc32: CRC-32 of the header.
@@ -90,7 +90,7 @@ class Shard:
     crc32: int
 
     def check(self, path: Path) -> None:
-        """Refuse a file that is not the whole array.
+        """Refuse a file that is not the complete array.
 
         Raises:
             DataError: names the file.
@@ -144,7 +144,7 @@ class StoredVideo:
         (self.folder / INDEX).write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
     def check(self) -> None:
-        """Refuse arrays that are not whole.
+        """Refuse arrays that are not complete.
 
         Raises:
             DataError: names the file.
@@ -161,7 +161,7 @@ class StoredVideo:
         """Fields that differ from the requested recipe, as text; empty if none does."""
         wanted = recipe.plain()
         names = [name for name in wanted if self.recipe.get(name) != wanted[name]]
-        if "normals" in names:  # the rule follows from them
+        if "normals" in names:  # the rule of resizing follows from them
             names = [name for name in names if name != "resize"]
         return ", ".join(self._difference(name, wanted[name]) for name in names)
 

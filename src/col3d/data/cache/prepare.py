@@ -30,7 +30,7 @@ NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 def prepare(given: Mapping[str, Any]) -> None:
-    """Render what is missing of the phantom, then prepare every video that is not prepared yet.
+    """Render missing videos of the phantom, then prepare every video that is not prepared yet.
 
     Raises:
         UserError: an option breaks a rule, a file is not what it should be, or the disk is full.
@@ -105,7 +105,7 @@ def prepare_video(
     recipe: Recipe,
     frame_done: Callable[[], None],
 ) -> str:
-    """Prepare one video; returns what is wrong with its files, or nothing."""
+    """Prepare one video; returns what is wrong with its files, or an empty text."""
     torch.set_num_threads(1)
     try:
         frames = frame_set(source, phantom, [video])

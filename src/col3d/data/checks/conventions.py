@@ -35,7 +35,7 @@ class Convention:
     Attributes:
         camera: camera of the depth's normals, one of `CAMERAS`.
         clipped: the channel whose negative values are cut off, or None.
-        channels: what red, green and blue hold, in standard axes.
+        channels: content of red, green and blue, in standard axes.
     """
 
     camera: str

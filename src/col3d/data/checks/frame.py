@@ -53,7 +53,7 @@ def check_frame(
 
 
 def read_depth(frames: FrameSet, frame: Frame) -> Depth | None:
-    """Depth of a frame that is checked elsewhere, or None where it cannot be read."""
+    """Depth of a frame that is checked elsewhere; None where it cannot be read."""
     return check_frame(frames, Frame(frame.video, frame.number, _depth_alone(frame)), in_full=True)[1]
 
 
@@ -66,7 +66,7 @@ def _read(frames: FrameSet, kind: str, path: Path, report: FrameReport) -> np.nd
     expected = frames.kinds[kind]
     try:
         frames.check_file(kind, path)
-    except Exception as error:  # whatever a broken header makes its reader raise
+    except Exception as error:  # a broken header may make its reader raise anything
         text = str(error) if isinstance(error, DataError) else f"{path}: not a readable image ({error})"
         report.fault("file", text)
         return None

@@ -26,7 +26,7 @@ BETTER = 2.0
 
 @dataclass(frozen=True)
 class LensReport:
-    """How well each reading of the lens carries depth from frame to frame.
+    """Error of each reading of the lens in carrying depth from frame to frame.
 
     Attributes:
         pairs: number of pairs of frames that were compared.

@@ -55,7 +55,7 @@ def _best(ranking: Mapping[Convention, float], release: str) -> Convention:
 
 
 def _wrong(chosen: Convention, ranking: Mapping[Convention, float], release: str) -> str:
-    """What is wrong with the convention of a video, or nothing."""
+    """Fault of the convention of a video; empty where there is none."""
     if ranking[chosen] > AGREEMENT:
         return (
             f"its normals do not belong to its depth: {ranking[chosen]:.0f} degrees apart under the best of "

@@ -172,7 +172,7 @@ def _reports(
 
 
 def _expected(source: SourceOptions, phantom: PhantomOptions, video: str) -> ExpectedVideo:
-    """What a video should be: by the table for the data sets' videos, by its options for a phantom's."""
+    """Expected properties of a video: from the table, or from the options of a phantom."""
     row = catalogue().get(video)
     listed = row is not None and row.data == source.name
     counts: dict[str, int] = {}

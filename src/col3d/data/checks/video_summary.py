@@ -46,7 +46,7 @@ def summarise_video(
         frames: frames of the data set.
         plan: plan of the video.
         reports: reports of its frames.
-        expected: what the video should be.
+        expected: expected properties of the video.
     """
     video = VideoReport(plan.video, str(plan.folder), frames.camera.size_hw, frames=len(plan.frames))
     video.findings = [*plan.findings, *(finding for report in reports for finding in report.findings)]

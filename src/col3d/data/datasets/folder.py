@@ -48,7 +48,7 @@ class FolderFrames(FrameSet):
         max_depth: millimetres; what lies beyond does not count.
         camera_file: in the root; `docs/cameras.md` lists what is read. What it does not see does not count.
         normals: `derived` from the depth, or `none`.
-        depth_channel: of a depth file whose channels differ, the one that is depth, counted from 0.
+        depth_channel: channel that is depth, counted from 0, in depth files whose channels differ.
         depth_offset: number of a depth minus that of its image; None for 0, or for 1 and -1 where files tell.
         stamp_tolerance: seconds by which the time stamps of an image and its depth may differ.
     """
@@ -157,7 +157,7 @@ class FolderFrames(FrameSet):
         return {kind: by_kind[kind] for kind in kinds}
 
     def decoding(self) -> dict[str, Any]:
-        """Options that decide what codes in files mean."""
+        """Options that decide the meaning of codes in files."""
         names = {name: kind.name for name, kind in self.kinds.items()}
         channel = {} if self.depth_channel is None else {"depth_channel": self.depth_channel}
         return {**names, "depth_unit": self.depth_unit, **channel}

@@ -110,7 +110,7 @@ def choose_frames(
 
     Args:
         folder: folder of the video.
-        selection: which frames.
+        selection: frames to choose.
         kinds: kinds of files, for messages.
         files: files by kind and number, with `color`.
         example: two files that a frame needs.

@@ -17,7 +17,7 @@ OTHER_FORMS: Mapping[int, str] = {
     12: "append 0,0,0,1 to lines of 12",
     17: "leave out the number or time before each matrix",
 }
-"""How to make lines of 16 numbers, by the numbers that a line has."""
+"""Count of numbers in a line -> how to make it a line of 16."""
 
 
 def pose_lines(path: Path) -> list[str]:

@@ -87,7 +87,7 @@ def not_eight_bits(path: Path, actual: str) -> DataError:
 
 
 def check_count(count: int) -> None:
-    """Refuse more values than any image has, before there is memory for them.
+    """Refuse more values than any image has, before memory is allocated for them.
 
     Raises:
         ValueError: names them.
@@ -108,7 +108,7 @@ def check_page(page: tifffile.TiffPage) -> None:
 
 @contextmanager
 def refusals(path: Path) -> Iterator[None]:
-    """Turn whatever a decoder raises over a file into one error that names it.
+    """Turn any error of a decoder over a file into one error that names the file.
 
     Raises:
         DataError: names the file, and why it cannot be read.
@@ -156,7 +156,7 @@ def _jpeg(path: Path) -> np.ndarray:
         check_count(image.width * image.height)
     try:
         return decode_image_jpegturbo(content, "rgb")
-    except Exception:  # it has no type of its own
+    except Exception:  # its error has no type of its own
         if content.rfind(JPEG_END) < 0:
             raise TruncatedError(CUT_OFF) from None
         return _four_colours(path)
@@ -166,7 +166,7 @@ def _four_colours(path: Path) -> np.ndarray:
     """Decode a JPEG of CMYK, which the strict decoder does not support; any other one is broken."""
     with Image.open(path, formats=["JPEG"]) as image:
         if image.mode != "CMYK":
-            image.load()  # says that it is truncated where it is
+            image.load()  # raises an error if it is truncated
             raise ValueError("its data are damaged")
         return np.asarray(image.convert("RGB"))
 
@@ -203,7 +203,7 @@ def _colour_tiff(path: Path, number: int = 0) -> np.ndarray:
         check_page(page)
         if not has_eight_bits(page):
             raise not_eight_bits(path, f"{page.samplesperpixel} of {page.bitspersample} bits")
-        pixels = read_page(path, page)  # strictly, which OpenCV is not
+        pixels = read_page(path, page)  # strict, unlike OpenCV
         if is_plain_colour(page):
             return pixels
         pages = cv2.imreadmulti(str(path), page.index, 1, flags=COLOURS)[1]

@@ -93,7 +93,7 @@ def check_numbers(path: Path, dtype: np.dtype) -> None:
 
 
 def check_format(path: Path) -> None:
-    """Refuse what is neither an image nor an array.
+    """Refuse a file that is neither an image nor an array.
 
     Raises:
         DataError: names the file and what is taken.

@@ -138,7 +138,7 @@ def _other_header(path: Path) -> Header:
 def _tiff_header(path: Path) -> Header:
     with open_page(path) as page:
         check_page(page)
-        bits = page.bitspersample  # of each channel where they differ
+        bits = page.bitspersample  # a list with one for each channel where they differ
         kind = "" if page.dtype is None else page.dtype.kind
         is_palette = page.photometric == tifffile.PHOTOMETRIC.PALETTE
         return Header(

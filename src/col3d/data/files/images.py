@@ -116,7 +116,7 @@ def _matching(given: str, path: Path) -> ImageSource:
 
 
 def _folder(path: Path) -> ImageSource:
-    """A video of a data set by the names of its files, else the photos in the folder or in one below it."""
+    """A video of a data set by the names of its files, else the photos in the folder or in one below."""
     for color in (C3VD.kinds["color"], SimCol3D.kinds["color"]):
         if files := color.find(path):
             others = {*_images(list(path.iterdir())), *_beside(path)} - {*files.values()}

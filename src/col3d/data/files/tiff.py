@@ -15,7 +15,7 @@ LZW = 5
 BY_OPENCV = ("uint16", "float32")
 """Types that OpenCV decodes strictly, LZW a third faster; it makes up missing data of 8 bits."""
 ALPHA = (1, 2)
-"""Kinds of extra samples that are no measurement."""
+"""Kinds of extra samples that are transparency."""
 
 
 class TruncatedError(ValueError):
@@ -55,7 +55,7 @@ def page_numbers(path: Path) -> list[int]:
 
 
 def read_page(path: Path, page: tifffile.TiffPage) -> np.ndarray:
-    """The numbers of a page, (h, w) or (h, w, c), in the order of the file.
+    """The numbers of a page, (h, w) or (h, w, c), with the file's order of channels.
 
     Raises:
         ValueError: they cannot be unpacked, or a checksum is wrong.

@@ -12,7 +12,7 @@ ASF = bytes.fromhex("3026b2758e66cf11a6d900aa0062ce6c")
 KLV = bytes.fromhex("060e2b34")
 """First bytes of every key of MXF."""
 FLV_SIZE = b"\x00\x08filesize\x00"
-"""Before the length of the file, a double, in the first tag of many FLV files."""
+"""Bytes before the length of the file, a double, in the first tag of many FLV files."""
 HEAD = 65536
 """Bytes at the beginning that hold that tag."""
 PACKETS = ((0, 188), (4, 192))
@@ -126,7 +126,7 @@ def _objects(file: BinaryIO, size: int) -> int | None:
         file.seek(at)
         head = file.read(24)
         length = int.from_bytes(head[16:24], "little")
-        if len(head) == 24 and length < 24:  # of a broadcast
+        if len(head) == 24 and length < 24:  # as in a broadcast
             return None
         at += max(length, 24)
     return at

@@ -99,7 +99,7 @@ def _shares(guess: Tensor, truth: Tensor, limits: Tensor) -> tuple[Tensor, Tenso
 def _above(ratios: Tensor, limits: Tensor) -> Tensor:
     """Number of ratios of each frame above each limit: few exceed the least, and only those are sorted."""
     frame, *_ = places = (ratios > limits[0]).nonzero(as_tuple=True)
-    levels = torch.bucketize(ratios[places], limits)  # how many limits are below
+    levels = torch.bucketize(ratios[places], limits)  # the number of limits below
     size = len(limits) + 1
     counts = torch.bincount(frame * size + levels, minlength=len(ratios) * size).view(-1, size)
     return counts.flip(1).cumsum(dim=1).flip(1)[:, 1:].double()

@@ -80,7 +80,7 @@ def _median(values: Tensor, mask: Tensor) -> Tensor:
             lower = counting.median()
             above = counting > lower
             upper = torch.where(above, counting, torch.inf).min()
-            medians_differ = 2 * above.sum() >= len(counting)  # never of an odd number, or where it is NaN
+            medians_differ = 2 * above.sum() >= len(counting)  # never for an odd count, or where it is NaN
             upper = torch.where(medians_differ, upper, lower)
             medians[i] = (lower.double() + upper.double()) / 2
     return medians

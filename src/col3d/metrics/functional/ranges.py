@@ -52,7 +52,7 @@ def _errors(
     maps = {"abs_rel": gap / truth, "rmse": gap.square(), "mae": gap, "delta1": close.double()}
     inside = [mask & (target >= low) & (target < high) for low, high in RANGES.values()]
     parts = torch.cat(inside, dim=1).flatten(2).double()
-    sums = torch.cat([*maps.values()], dim=1).flatten(2) @ parts.mT  # of each frame, by metric and range
+    sums = torch.cat([*maps.values()], dim=1).flatten(2) @ parts.mT  # for each frame, by metric and range
     means = sums / parts.sum(dim=2)[:, None]
     values = {
         f"{part}_{name}": means[:, i, j] for j, part in enumerate(RANGES) for i, name in enumerate(maps)

@@ -68,7 +68,7 @@ COL3D: Rules = ENCODER | TRUNK | DECODERS | ATTENTION
 
 
 def _sizes(tensors: Mapping[str, Tensor]) -> dict[str, Any]:
-    """Encoder and width F, from the shapes."""
+    """Encoder and width F, from the shapes of tensors."""
     return {
         "encoder": resnet_name(tensors, r"^encoder\.base_model\."),
         "width": channels_of(tensors, r"\.upconv5\.conv\.weight$"),

@@ -1,4 +1,4 @@
-"""Sentences of captions: which data and protocol, whose predictions, how frames were chosen."""
+"""Sentences of captions: data and protocol, seeds of predictions, choice of frames."""
 
 from collections.abc import Iterable, Sequence
 
@@ -25,7 +25,7 @@ def about_training(group: Group) -> str:
 
 
 def about_maps(group: Group, shown: Sequence[Method]) -> str:
-    """What every caption of predicted maps ends with: no scaling, colours, whose predictions, which data."""
+    """Last sentences of captions of predicted maps: scaling, colours, seeds, missing methods, data."""
     return sentences(UNSCALED, COLOURS, seeds(shown), missing(shown, group.methods), about(group))
 
 

@@ -34,13 +34,13 @@ class Pixels:
     values: Mapping[str, np.ndarray]
 
     def edges(self, against: str) -> np.ndarray:
-        """Bins that hold all pixels."""
+        """Edges of bins that cover all pixels."""
         width = BINS[against][0]
         low, high = self.values[against].min(), self.values[against].max()
         return np.arange(np.floor(low / width), np.floor(high / width) + 2) * width
 
     def curve(self, error: str, against: str) -> tuple[np.ndarray, Quartiles]:
-        """Middles of bins and quartiles in them."""
+        """Middles of bins, and quartiles of the errors in them."""
         edges = self.edges(against)
         fewest = max(1, int(np.ceil(SMALLEST_SHARE * len(self.values[error]))))
         return (edges[:-1] + edges[1:]) / 2, quartiles(

@@ -36,14 +36,14 @@ class Figure:
 
 @dataclass(frozen=True)
 class Drawn:
-    """Figures, and a line for each one that is left out."""
+    """Drawn figures, and a line for each one that is left out."""
 
     figures: tuple[Figure, ...]
     left_out: tuple[str, ...]
 
 
 class MissingError(Exception):
-    """Why a figure cannot be drawn, as a clause without a full stop."""
+    """Reason why a figure cannot be drawn, as a clause without a full stop."""
 
 
 def blank(width: float, height: float, layout: Literal["constrained"] | None = "constrained") -> Canvas:
@@ -62,7 +62,7 @@ def save(canvas: Canvas, path: Path) -> None:
 
 
 def _attempts(canvas: Canvas) -> Iterator[bytes]:
-    """Files, each smaller than the one before."""
+    """PNG files, each smaller than the one before."""
     for dpi in RESOLUTIONS:
         pixels = _pixels(canvas, dpi)
         for step in STEPS:

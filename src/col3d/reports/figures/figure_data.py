@@ -20,7 +20,7 @@ IN_PICTURES, IN_PLOTS = 5, 8
 
 @dataclass(frozen=True)
 class Method:
-    """A row of a table and how it looks."""
+    """A row of a table, and the style in which it is drawn."""
 
     label: str
     runs: tuple[Run, ...]

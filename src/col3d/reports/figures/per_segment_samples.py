@@ -1,4 +1,4 @@
-"""One frame of each segment by all methods."""
+"""Figure of one frame of each segment with the depth of all methods."""
 
 from pathlib import Path
 

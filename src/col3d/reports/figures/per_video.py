@@ -43,7 +43,7 @@ def draw(material: FigureData, out: Path) -> Figure:
 
 
 def _shown(methods: Sequence[Method]) -> list[MetricSpec]:
-    """Ours that is always drawn, and those of plugins that any method has."""
+    """Specs of the metrics in the figure: abs_rel, and those of plugins that any method has."""
     specs = {name: spec for m in methods for run in m.runs for name, spec in run.specs.items()}
     others = [
         spec

@@ -1,4 +1,4 @@
-"""Depth by each method on its best, average and worst frame."""
+"""Figure of the depth of each method on the best, an average and the worst frame."""
 
 from pathlib import Path
 

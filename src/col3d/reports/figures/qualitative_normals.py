@@ -1,4 +1,4 @@
-"""Normals by each method that has them, on the best, average and worst frame of depth."""
+"""Figure of predicted normals, on the best, average and worst frame of depth."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

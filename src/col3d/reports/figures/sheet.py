@@ -52,7 +52,7 @@ class Sheet:
     """Rows and columns of cells above a strip of colour bars, laid out in inches.
 
     Args:
-        titles: of each row, how many lines of titles its cells have above them.
+        titles: for each row, the number of lines of titles above its cells.
         columns: number of columns of cells.
         scales: quantity -> its one scale; `BALL` with None for the key of normals.
     """

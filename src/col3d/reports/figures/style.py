@@ -31,7 +31,7 @@ DASHES: tuple[Dash, ...] = ("-", "--", ":", "-.")
 
 @dataclass(frozen=True)
 class Style:
-    """How the lines and points of a method look; variants of a network share its colour."""
+    """Style of a method's lines and points; variants of a network share its colour."""
 
     colour: str
     dash: Dash = "-"
@@ -39,7 +39,7 @@ class Style:
 
 @dataclass(frozen=True)
 class Quantity:
-    """What a map shows: its colours, what stands on its colour bar, and where values exceed that."""
+    """Style of a quantity's maps: colours, label of the colour bar, and its ends that values exceed."""
 
     colours: str
     label: str
