@@ -1,4 +1,4 @@
-"""Data sets as frames, batches and splits: what is read, prepared, augmented and checked.
+"""Data sets as frames, batches and splits: reading, preparation, augmentation and checks.
 
 How a single file is decoded is in `data.files`; a colon that is rendered, in `phantom`.
 """

@@ -1,4 +1,4 @@
-"""Reading ahead: the next items are made by a thread while the last ones are used."""
+"""Prefetching: a thread makes the next items while the last ones are used."""
 
 import queue
 import threading
@@ -10,9 +10,10 @@ _END = object()
 
 
 def ahead(items: Iterable[Item], most: int) -> Iterator[Item]:
-    """The same items in the same order, up to `most` of them made before they are asked for.
+    """Yield the same items in the same order, up to `most` of them made before they are requested.
 
-    What making them raises is raised here in its turn. The thread ends when the consumer does.
+    An exception of the iterable is raised here, after the items before it. The thread ends when the consumer
+    does.
     """
     waiting: queue.Queue[tuple[Any, BaseException | None]] = queue.Queue(most)
     left = threading.Event()
@@ -32,7 +33,7 @@ def ahead(items: Iterable[Item], most: int) -> Iterator[Item]:
                 if left.is_set():
                     return
             put((_END, None))
-        except BaseException as error:  # whatever it is, the consumer is to know
+        except BaseException as error:  # any exception is passed on to the consumer
             put((_END, error))
 
     threading.Thread(target=make, daemon=True).start()

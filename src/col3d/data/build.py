@@ -1,4 +1,4 @@
-"""Checked options -> data sets: frames of a split, at full resolution or at the network's size."""
+"""Build data sets from checked options: frames of a split, at full resolution or at the network's size."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
@@ -28,11 +28,11 @@ from col3d.phantom.options import PhantomOptions
 from col3d.registry import DATASETS
 
 CUSTOM = "custom"
-"""The split that is the user's own, of whatever frames there are."""
+"""Name of a user's own split, whose numbers of frames are not checked."""
 
 
 def resolve_source_paths(data: DataOptions, phantom: PhantomOptions) -> DataOptions:
-    """The options with roots that hold from any folder, and videos by name where wildcards stood.
+    """The options with absolute paths, and with wildcards replaced by names of videos.
 
     Raises:
         DataError: a wildcard matches nothing.
@@ -69,7 +69,7 @@ def frame_set(source: SourceOptions, phantom: PhantomOptions, entries: Sequence[
 
 
 def dataset_index(source: SourceOptions, phantom: PhantomOptions) -> DatasetIndex:
-    """Where videos and files of a data set are.
+    """Index of the videos and files of a data set.
 
     Raises:
         DataError: an option does not fit the data set.
@@ -78,7 +78,7 @@ def dataset_index(source: SourceOptions, phantom: PhantomOptions) -> DatasetInde
 
 
 def entries_of(source: SourceOptions, phantom: PhantomOptions, part: str) -> list[str]:
-    """What a part of the split names, of the videos that are there; a phantom is rendered where it is not.
+    """Entries of a part of the split whose videos exist; missing videos of a phantom are rendered.
 
     Raises:
         DataError: a video is missing.
@@ -120,10 +120,10 @@ def sized_frames(
 ) -> SizedFrames:
     """The frames of a part of the split at a size: prepared ones where they fit, else from the files.
 
-    Which it is, `say` is told.
+    `say` is called with a line on which of the two it is.
 
     Raises:
-        DataError: a video is missing, a file or a store that was asked for is not what it should be.
+        DataError: a video is missing, or a file or a named store is not what it should be.
     """
     size_hw = (size[0], size[1])
     entries = entries_of(source, phantom, part)
@@ -143,7 +143,7 @@ def sized_frames(
 
 
 def other_folder_names(frames: FrameSet) -> str:
-    """Which videos lie in folders of other names than their own here, in a line; nothing where none does."""
+    """A line on videos that lie in folders of other names than here; empty where none does."""
     renamed = frames.renamed() if frames.root.is_dir() else {}
     if not renamed:
         return ""
@@ -158,12 +158,12 @@ def data_module(
     splits: Iterable[str] = SPLITS,
 ) -> FrameDataModule:
     """Loaders of frames at the network's size."""
-    said: list[str] = []
+    printed: list[str] = []
 
     def say(line: str) -> None:
-        """Once, not again for the next part."""
-        if line not in said:
-            said.append(line)
+        """Print a line once, not again for the next part."""
+        if line not in printed:
+            printed.append(line)
             print(line, flush=True)
 
     sets: dict[str, Frames] = {}
@@ -200,7 +200,7 @@ def _check_weights(sources: Sequence[SourceOptions], parts: Sequence[SizedFrames
 
 
 def _videos_at_hand(source: SourceOptions, phantom: PhantomOptions) -> list[str]:
-    """Names of the videos of the data set, or where it is not there of the store that is named."""
+    """Names of the videos of the data set, or of the named store where there is no data set."""
     if is_rendered(source):
         return list(dict.fromkeys([*video_table(), *dataset_index(source, phantom).folders]))
     root, store = Path(source.root), Path(source.store)
@@ -212,7 +212,7 @@ def _videos_at_hand(source: SourceOptions, phantom: PhantomOptions) -> list[str]
 def _at_hand(
     source: SourceOptions, phantom: PhantomOptions, part: str, named: Sequence[str], present: Sequence[str]
 ) -> list[str]:
-    """Entries of the split, without those of missing videos where that is allowed."""
+    """Entries of the split; those of missing videos are left out where that is allowed."""
     if Path(source.root).is_dir():
         index = dataset_index(source, phantom)
         for entry in named:
@@ -236,7 +236,7 @@ def _at_hand(
 def _check_counts(
     source: SourceOptions, part: str, entries: Sequence[str], videos: Iterable[str], releases: dict[str, str]
 ) -> None:
-    """Hold the splits that come with the program against the table of videos."""
+    """Compare the splits that come with the program with the table of videos."""
     if not DATASETS[source.name].facts["table"] or source.allow_missing or source.split.name == CUSTOM:
         return
     counts = Counter(videos)

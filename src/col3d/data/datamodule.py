@@ -24,7 +24,7 @@ DRAWS = "draws"
 
 
 class QuantizedDataset(Dataset[QuantizedBatch]):
-    """Frames for a loader: whole batches of codes, which are a third of what they decode to."""
+    """Frames for a loader: whole batches of codes, which are a third of the size of decoded ones."""
 
     def __init__(self, frames: SizedFrames, cameras: Sequence[Camera]) -> None:
         self.frames = frames
@@ -40,7 +40,7 @@ class QuantizedDataset(Dataset[QuantizedBatch]):
 
 
 def identity_collate(batch: Any) -> Any:
-    """What `QuantizedDataset` gives needs no collation."""
+    """Return the batch: `QuantizedDataset` makes whole batches, which need no collation."""
     return batch
 
 
@@ -50,12 +50,13 @@ class FrameDataModule(LightningDataModule):
     Frames of a known size are decoded on the device of the batch, whatever worker loaded their codes.
 
     Args:
-        frames: sets by split: `train`, `val`, `test`; only those that are used need be there.
+        frames: sets by split: `train`, `val`, `test`; only those that are used are needed.
         batch_size: frames a step on each device.
-        workers: processes that decode.
-        augment: draws for training batches, on their device.
-        seed: of the order of frames and the draws.
-        weights: of data sets that are joined for training: their frames, and how often an epoch shows each.
+        workers: number of processes that load frames.
+        augment: random transforms of training batches, on their device.
+        seed: seed of the order of frames and of the transforms.
+        weights: for each data set that is joined for training, its number of frames, and how often an epoch
+            shows each.
     """
 
     def __init__(
@@ -91,7 +92,7 @@ class FrameDataModule(LightningDataModule):
         }
 
     def train_dataloader(self) -> DataLoader[Any]:
-        """Shuffled by (seed, epoch); the last, smaller batch is used too."""
+        """Loader of training frames, shuffled by (seed, epoch); the last, smaller batch is used too."""
         rank, world_size = self.place()
         self._check_lengths(world_size)
         frames = self.frames["train"]
@@ -103,22 +104,22 @@ class FrameDataModule(LightningDataModule):
         return self._train_loader
 
     def state_dict(self) -> dict[str, Any]:
-        """The place in the epoch, for checkpoints: 0 when the epoch has seen all its batches."""
+        """Position in the epoch, for checkpoints: 0 when the epoch has seen all its batches."""
         if self._train_loader is None:
             return self._position
         limit = len(self._train_loader) if self.trainer is None else self.trainer.num_training_batches
         return {"batches": self._train_loader.state_dict()["batches"] % int(limit)}
 
     def load_state_dict(self, state_dict: dict[str, Any]) -> None:
-        """Go on from there: what loaders keep by themselves is loaded too late, once they iterate."""
+        """Resume at a position: loaders' own states are loaded too late, once they iterate."""
         self._position = state_dict
 
     def val_dataloader(self) -> DataLoader[Any]:
-        """In order, each frame once."""
+        """Loader of validation frames in order, each frame once."""
         return self._evaluation("val")
 
     def test_dataloader(self) -> DataLoader[Any]:
-        """In order, each frame once."""
+        """Loader of test frames in order, each frame once."""
         return self._evaluation("test")
 
     def on_before_batch_transfer(self, batch: Any, dataloader_idx: int) -> Any:
@@ -128,7 +129,7 @@ class FrameDataModule(LightningDataModule):
         return {**batch, DRAWS: draws_of(batch, self.seed, self.trainer.current_epoch)}
 
     def on_after_batch_transfer(self, batch: Any, dataloader_idx: int) -> Batch:
-        """Decode, and augment training batches."""
+        """Decode batches, and augment training batches."""
         draws = batch.pop(DRAWS, None)
         standard = self._decoded(batch)
         return standard if draws is None or self.augment is None else self.augment(standard, draws)
@@ -136,12 +137,12 @@ class FrameDataModule(LightningDataModule):
     def frames_in_order(
         self, split: str, device: torch.device, limit: int | float | None = None
     ) -> Iterator[Batch]:
-        """The frames of a part on a device, each once; of the processes of a training each has its own.
+        """Yield the frames of a part on a device, each once; each process of a training has its own share.
 
         Args:
             split: the part.
             device: where batches go.
-            limit: of batches: their number, or a share below 1.
+            limit: largest number of batches, or a share of them as a float.
         """
         loader = self._evaluation(split)
         most = max(1, int(len(loader) * limit)) if isinstance(limit, float) else limit
@@ -177,7 +178,7 @@ class FrameDataModule(LightningDataModule):
         )
 
     def place(self) -> tuple[int, int]:
-        """Of the processes of one training: which this is, and how many there are."""
+        """Rank of this process among those of one training, and how many there are."""
         if self.trainer is not None:
             return self.trainer.global_rank, self.trainer.world_size
         if torch.distributed.is_initialized():

@@ -1,4 +1,4 @@
-"""Fingerprint of the files of data sets: sizes and times of change, or the sums of a store."""
+"""Fingerprint of the files of data sets: their sizes and modification times, or checksums of a store."""
 
 import hashlib
 from collections import defaultdict
@@ -15,72 +15,74 @@ from col3d.errors import DataError
 from col3d.phantom.options import PhantomOptions
 
 State = dict[str, str]
-"""What is looked at, such as "depth of cecum_t1_a (c3vd, val)" -> number of files, bytes and a sum."""
+"""Group of files, such as "depth of cecum_t1_a (c3vd, val)" -> number of files, bytes and a checksum."""
 
 
 def data_state(data: DataOptions, phantom: PhantomOptions) -> State:
-    """Of every frame that a training reads, in all parts of its split."""
+    """State of every frame that a training reads, in all parts of its split."""
     parts = {part: data.tested if part == "test" else data for part in SPLITS}
-    found: State = {}
+    state: State = {}
     for part, source in parts.items():
-        found |= part_state(source, phantom, part)
+        state |= part_state(source, phantom, part)
     for source in data.also.values():
-        found |= part_state(source, phantom, "train")
-    return found
+        state |= part_state(source, phantom, "train")
+    return state
 
 
 def part_state(source: SourceOptions, phantom: PhantomOptions, part: str) -> State:
-    """Of the frames of one part of a split; what is not there is not in it."""
+    """State of the frames of one part of a split; missing files are left out."""
     entries = getattr(source.split, part)
     if not Path(source.root).is_dir():
         return _of_store(source, entries)
     index = dataset_index(source, phantom)
     kinds = _files(index, entries)
-    found = {
+    state = {
         f"{kind} of {video} ({source.name}, {part})": _summed(index.root, paths)
         for (video, kind), paths in kinds.items()
     }
     layout = source.own.get("layout")
     if layout is not None and (camera := index.root / layout.camera_file).is_file():
-        found[f"camera ({source.name})"] = _summed(index.root, [camera])
-    return found
+        state[f"camera ({source.name})"] = _summed(index.root, [camera])
+    return state
 
 
 def _files(index: DatasetIndex, entries: Iterable[str]) -> dict[tuple[str, str], list[Path]]:
-    found: dict[tuple[str, str], list[Path]] = defaultdict(list)
-    for frame in _found(index, entries):
+    paths: dict[tuple[str, str], list[Path]] = defaultdict(list)
+    for frame in _existing_frames(index, entries):
         for kind, path in frame.files.items():
-            found[frame.video, kind].append(path)
-    return found
+            paths[frame.video, kind].append(path)
+    return paths
 
 
-def _found(index: DatasetIndex, entries: Iterable[str]) -> Iterator[Frame]:
+def _existing_frames(index: DatasetIndex, entries: Iterable[str]) -> Iterator[Frame]:
     for entry in entries:
         try:
             yield from index.find(entry)
-        except DataError:  # allowed to be missing; where it is not, reading it says so
+        except DataError:  # may be missing; where it may not, reading it raises this error
             continue
 
 
 def _summed(root: Path, paths: Iterable[Path]) -> str:
-    """Number, bytes and a sum over names, sizes and times of change."""
+    """Number of files, bytes, and a checksum of names, sizes and modification times."""
     total, count, size = hashlib.blake2b(digest_size=8), 0, 0
     for path in paths:
         try:
-            found = path.stat()
-        except OSError:  # gone since it was listed
+            status = path.stat()
+        except OSError:  # deleted since it was listed
             continue
-        total.update(f"{path.relative_to(root).as_posix()}\0{found.st_size}\0{found.st_mtime_ns}\n".encode())
-        count, size = count + 1, size + found.st_size
+        total.update(
+            f"{path.relative_to(root).as_posix()}\0{status.st_size}\0{status.st_mtime_ns}\n".encode()
+        )
+        count, size = count + 1, size + status.st_size
     return f"{count} files, {size} bytes, {total.hexdigest()}"
 
 
 def _of_store(source: SourceOptions, entries: Iterable[str]) -> State:
-    """By the sums that a store keeps of its arrays, where the files themselves are not there."""
-    store, found = Path(source.store), {}
+    """State by the checksums that a store keeps of its arrays, where the files themselves are absent."""
+    store, state = Path(source.store), {}
     present = videos_in(store) if store.is_dir() else []
     for name in dict.fromkeys(selection_of_any_video(entry, present).video for entry in entries):
         video = read_video(folder_of(store, name))
         for kind, shard in ({} if video is None else video.shards).items():
-            found[f"{kind} of {name} (store)"] = f"{shard.bytes} bytes, crc32 {shard.crc32:08x}"
-    return found
+            state[f"{kind} of {name} (store)"] = f"{shard.bytes} bytes, crc32 {shard.crc32:08x}"
+    return state

@@ -1,4 +1,4 @@
-"""Options of a data set, whichever it is: where it is, its split, and how its frames are fed."""
+"""Options of any data set: its location, its split, and how its frames are fed."""
 
 from collections.abc import Mapping, Sequence
 from inspect import signature
@@ -14,7 +14,7 @@ from col3d.registry.schema import Options, defaults
 Split = Literal["train", "val", "test"]
 Probability = Annotated[float, Field(ge=0, le=1)]
 Side = Annotated[int, Field(ge=64)]
-"""Of frames that networks see: a batch of one needs more than one cell at 1/32."""
+"""Side in pixels of frames that networks see: a batch of one needs more than one cell at 1/32."""
 Size = Annotated[list[Side], Field(min_length=2, max_length=2)]
 """Height and width."""
 
@@ -28,7 +28,7 @@ class SplitOptions(Options):
     test: list[str]
 
     def needs(self, option: str, *parts: Split) -> None:
-        """Refuse parts that are used and empty.
+        """Refuse parts that are used but empty.
 
         Raises:
             ValueError: names the option.
@@ -60,11 +60,11 @@ class SourceOptions(Options):
 
     @property
     def own(self) -> dict[str, Any]:
-        """Those of the data set's class."""
+        """Options of the data set's class."""
         return DATASETS[self.name].own(self)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle what was said: the class is made of a signature, anew in each process."""
+        """Pickle the values alone: the class is made from a signature, anew in each process."""
         return (data_options if isinstance(self, DataOptions) else source_options), (self.model_dump(),)
 
 
@@ -93,11 +93,11 @@ class DataOptions(SourceOptions):
 
     @property
     def tested(self) -> SourceOptions:
-        """The data set that is tested on."""
+        """Options of the data set that is tested on."""
         return self.test or self
 
     def fed(self, source: SourceOptions) -> "DataOptions":
-        """Another data set, alone, whose frames are fed as those of this one."""
+        """Options of another data set, alone, with this one's size, batch size, workers and transforms."""
         feeding = {name: getattr(self, name) for name in ("size", "batch_size", "workers", "augment")}
         return data_options({**source.model_dump(), **feeding, "test": None, "also": {}})
 
@@ -112,7 +112,7 @@ def source_options(given: Any) -> SourceOptions:
 
 
 def data_options(given: Any) -> DataOptions:
-    """The same, with how its frames are fed.
+    """Options of a registered data set and of how its frames are fed, checked likewise.
 
     Raises:
         ValueError: as `source_options`.
@@ -139,17 +139,17 @@ DataOptions.model_rebuild()
 
 
 def of_the_table() -> list[str]:
-    """Data sets whose videos are those of `videos.csv`."""
+    """Names of the data sets whose videos are those of `videos.csv`."""
     return [name for name in DATASETS.names() if DATASETS[name].facts["table"]]
 
 
 def built(source: SourceOptions, entries: Sequence[str], **supplied: Any) -> Any:
-    """The frames of these entries at full resolution, by the class that the data set's name stands for.
+    """Frames of these entries at full resolution, built by the data set's registered class.
 
     Args:
-        source: which data set.
-        entries: of a split; of none, a set that can look for them.
-        supplied: what else the program gives to a class that takes it.
+        source: options of the data set.
+        entries: entries of a split; if empty, the set has no frames but can look for them.
+        supplied: further arguments, passed to classes that take them.
 
     Raises:
         DataError: a file or folder is missing or not what it should be. What goes wrong inside of a user's
@@ -162,7 +162,7 @@ def built(source: SourceOptions, entries: Sequence[str], **supplied: Any) -> Any
 
 
 def source_node(part: Part) -> dict[str, Any]:
-    """What `data/source=NAME` brings into a configuration: every option with its default."""
+    """Configuration node of `data/source=NAME`: every option with its default."""
     facts = part.facts
     return {
         "defaults": [{"/data/split@split": facts["split"]}, "_self_"],
@@ -178,5 +178,5 @@ def source_node(part: Part) -> dict[str, Any]:
 
 
 def node(part: Part) -> dict[str, Any]:
-    """What `data=NAME` brings: the data set, and how frames are fed."""
+    """Configuration node of `data=NAME`: the data set, and how frames are fed."""
     return {"defaults": [f"source/{part.name}@_here_", "loading/default@_here_"]}

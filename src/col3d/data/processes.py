@@ -1,4 +1,4 @@
-"""Work on several videos at a time, with progress, and folders that are there whole or not at all."""
+"""Run jobs in several processes, with a progress bar that counts frames."""
 
 import multiprocessing
 import os
@@ -20,7 +20,7 @@ from col3d.errors import UserError
 POLL_SECONDS = 0.2
 
 _frames_done: Any = None
-"""In a worker process: the counter it shares with its parent."""
+"""The counter that a worker process shares with its parent."""
 
 
 def in_processes(
@@ -31,22 +31,22 @@ def in_processes(
     workers: int | None = None,
     progress: bool = True,
 ) -> list[Any]:
-    """Call `work(*job, frame_done)` for every job, several at a time, under a bar with the time left.
+    """Call `work(*job, frame_done)` for every job, several at a time, with a progress bar.
 
     Args:
         work: a function of a module; it calls `frame_done()` after each frame.
-        jobs: its other arguments.
-        label: what the bar is of.
-        frames: of all jobs together.
-        workers: processes, as many as cores when absent. More than one needs a main module that can be
-            imported, as multiprocessing's `spawn` does.
-        progress: show the bar.
+        jobs: the other arguments of each call.
+        label: text at the left of the bar.
+        frames: number of frames of all jobs together.
+        workers: number of processes, as many as cores when absent. More than one needs a main module that can
+            be imported, as multiprocessing's `spawn` does.
+        progress: whether to show the bar.
 
     Returns:
-        What it returned for each job, in their order.
+        The result of each job, in their order.
 
     Raises:
-        Exception: the first that a job raises; jobs that have not begun are given up.
+        Exception: the first that a job raises; jobs that have not begun are cancelled.
     """
     workers = min(workers or os.cpu_count() or 1, len(jobs))
     with frames_bar(label, shown=progress and bool(jobs)) as bar:
@@ -57,7 +57,7 @@ def in_processes(
 
 
 def frames_bar(label: str, shown: bool = True) -> Progress:
-    """A bar that counts frames and says how long the rest takes."""
+    """A progress bar that counts frames and shows the time left."""
     columns = (
         TextColumn(label),
         BarColumn(),
@@ -76,7 +76,7 @@ def _in_pool(
     workers: int,
     report: Callable[[int], None],
 ) -> list[Any]:
-    """Spawned, not forked: forking a process that has used threads may hang."""
+    """Run jobs in a pool of spawned processes: forking a process that has used threads may hang."""
     context = multiprocessing.get_context("spawn")
     counter = context.Value("q", 0)
     with ProcessPoolExecutor(workers, context, initializer=_start, initargs=(counter,)) as pool:
@@ -106,9 +106,9 @@ def _in_pool(
 
 @contextmanager
 def _usual_start_method() -> Iterator[None]:
-    """Let processes be started where this one is of joblib, whose way of starting is told to them by name.
+    """Set the start method to `spawn` inside the block where it is joblib's own.
 
-    They would look for that name before they know joblib.
+    Children are given the start method by name, and look it up before they import joblib.
     """
     before = multiprocessing.get_start_method(allow_none=True)
     if before in (None, *multiprocessing.get_all_start_methods()):
@@ -122,9 +122,9 @@ def _usual_start_method() -> Iterator[None]:
 
 
 def _undisturbed(start: Callable[[], Any]) -> Any:
-    """Start processes in a thread, where no signal's exception leaves one half started.
+    """Start processes in a thread, where no signal's exception can leave one half started.
 
-    Ctrl-C never reaches what is started there: its parent ends it.
+    Ctrl-C never reaches these processes: their parent ends them.
     """
     with ThreadPoolExecutor(
         1, initializer=signal.pthread_sigmask, initargs=(signal.SIG_BLOCK, {signal.SIGINT})
@@ -139,12 +139,12 @@ def _start(counter: Any) -> None:
     torch.set_num_threads(1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the parent, which ends its workers
     for number in (signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, lambda *_: sys.exit(1))  # so that they clear away what is half done
+        signal.signal(number, lambda *_: sys.exit(1))  # so that they delete unfinished files
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
 def _end_with_parent() -> None:
-    """A worker whose parent was killed would wait for its next job for ever."""
+    """End a worker whose parent was killed; it would wait for its next job for ever."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     parent.join()
@@ -154,7 +154,7 @@ def _end_with_parent() -> None:
 def _counted(work: Callable[..., Any], job: Sequence[Any]) -> Any:
     try:
         return work(*job, _count)
-    except SystemExit:  # which the pool would take for a result of the job
+    except SystemExit:  # the pool would take it for a result of the job
         os._exit(1)
 
 

@@ -1,4 +1,4 @@
-"""Data sets whose videos are rendered where they are not there yet."""
+"""Render missing videos of data sets that are rendered."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -13,7 +13,7 @@ from col3d.registry import DATASETS
 
 
 def is_rendered(source: SourceOptions) -> bool:
-    """Whether its videos are made where they are not there."""
+    """Whether missing videos of a data set are rendered."""
     rendered: bool = DATASETS[source.name].facts["rendered"]
     return rendered
 
@@ -21,10 +21,10 @@ def is_rendered(source: SourceOptions) -> bool:
 def phantom_settings(
     source: SourceOptions, options: PhantomOptions, videos: Iterable[str] | None = None
 ) -> PhantomSettings:
-    """What is asked to be rendered: these videos, or all."""
+    """Settings to render these videos, or all of them."""
     height, width = options.size
-    asked = source.own.get("randomise", False)
-    randomise = tuple(part for part in PARTS if asked is True or (asked and part in asked))
+    requested = source.own.get("randomise", False)
+    randomise = tuple(part for part in PARTS if requested is True or (requested and part in requested))
     return PhantomSettings(
         size_hw=(height, width),
         frames_per_video=options.frames_per_video,
@@ -35,10 +35,10 @@ def phantom_settings(
 
 
 def render_missing(root: Path, settings: PhantomSettings, workers: int | None = None) -> None:
-    """Render what a phantom lacks, once it is known that nothing of others is in the way of any video.
+    """Render the missing videos of a phantom, unless foreign files are in the way of any of them.
 
     Raises:
-        DataError: names the folder that holds something else, and what.
+        DataError: names the folder and the foreign file in it.
     """
     for video in settings.videos:
         if (root / video / MANIFEST).is_file() and not video_is_complete(root / video, settings):

@@ -1,4 +1,4 @@
-"""Resizing of items, whole or straight from the pixels of their files that count."""
+"""Resize items, from whole frames or only from the pixels of their files that count."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -30,23 +30,23 @@ class Resize:
     That leaves out every new pixel one of whose four is unknown: right for the border of a field of view, but
     of truth with holes (structured light, stereo, points of a reconstruction) hardly anything would stay.
     Where a data set's truth is not dense, `read` gives a new pixel whose four are not all known what the
-    nearest known pixel inside it says.
+    nearest known pixel inside it has.
     """
 
     size_hw: tuple[int, int]
     camera: Camera
-    """Camera of the items before."""
+    """Camera of the original items."""
     truth: str = "clean"
     """"clean" as above; "mixed" as published programs score: between all four pixels, zeros of unknown ones
     included, and known wherever the mean depth is above 0."""
 
     @property
     def resized_camera(self) -> Camera:
-        """Camera of the items after."""
+        """Camera of the resized items."""
         return self.camera.resized(self.size_hw)
 
     def __call__(self, item: dict[str, Any]) -> dict[str, Any]:
-        """The resized item of a whole one, its image in [0, 1]."""
+        """Resize a whole item, its image in [0, 1]."""
         image = self._image((item["image"] * 255).round().to(torch.uint8))
         return {
             **item,
@@ -56,7 +56,7 @@ class Resize:
         }
 
     def read(self, frames: FrameSet, index: int) -> dict[str, Any]:
-        """The resized item of a frame: its image uint8, no rays; pixels that do not count stay undecoded."""
+        """Read a frame resized: its image uint8, no rays; pixels that do not count stay undecoded."""
         frame = frames.frames[index]
         image = self._image(torch.from_numpy(frames.image(index)).permute(2, 0, 1))
         if frames.dense_truth:
@@ -67,7 +67,7 @@ class Resize:
         return {"image": image, **truth, "video": frame.video, "frame": frame.number}
 
     def take(self, values: np.ndarray) -> np.ndarray:
-        """The pixels around new centres of an array (h, w) or (h, w, c): twice the new height and width."""
+        """Select the pixels around new centres in (h, w) or (h, w, c): twice the new height and width."""
         (rows, _), (columns, _) = self._around
         return values.take(rows, axis=0).take(columns, axis=1)
 
@@ -75,40 +75,40 @@ class Resize:
         return resized_image(image[None], self.size_hw)[0]
 
     def _resized(self, whole: Mapping[str, Tensor]) -> dict[str, Tensor]:
-        """Depth, mask and normals from those of all pixels."""
+        """Depth, mask and normals, resized from those of all pixels."""
         maps = {key: values.movedim(0, -1).numpy() for key, values in whole.items()}
         return self._between(
             {key: torch.from_numpy(self.take(values)).movedim(-1, 0) for key, values in maps.items()}
         )
 
     def _filled(self, between: Mapping[str, Tensor], whole: Mapping[str, Tensor]) -> dict[str, Tensor]:
-        """The same with what the nearest known pixel says where not all four around are known."""
-        found = dict(between)
+        """Maps in which pixels without four known neighbours have the value of the nearest known pixel."""
+        filled = dict(between)
         if not bool(between["mask"].all()):
             nearest = self._nearest(whole["mask"][0])
             take = (nearest >= 0) & ~between["mask"]
-            found["depth"] = torch.where(take, whole["depth"].flatten()[nearest], between["depth"])
-            found["mask"] = between["mask"] | take
+            filled["depth"] = torch.where(take, whole["depth"].flatten()[nearest], between["depth"])
+            filled["mask"] = between["mask"] | take
         if "normals" in whole and bool((missing := (between["normals"] == 0).all(dim=0, keepdim=True)).any()):
             nearest = self._nearest((whole["mask"] & (whole["normals"] != 0).any(dim=0, keepdim=True))[0])
             normals = whole["normals"].flatten(1)[:, nearest]
-            found["normals"] = torch.where((nearest >= 0) & missing, normals, between["normals"])
-        return found
+            filled["normals"] = torch.where((nearest >= 0) & missing, normals, between["normals"])
+        return filled
 
     def _nearest(self, known: Bool[Tensor, "h w"]) -> Int[Tensor, "h2 w2"]:
-        """For each new pixel, which known pixel inside it is nearest to its centre; -1 where none is."""
+        """For each new pixel, index of the known pixel inside it nearest to its centre; -1 where none is."""
         inside, order = self._inside
         chosen = order[known.flatten()[order]]
         height, width = self.size_hw
-        found = torch.full((height * width,), -1)
-        found[inside[chosen]] = chosen
+        nearest = torch.full((height * width,), -1)
+        nearest[inside[chosen]] = chosen
         below = self._below_centres
-        found = torch.where((found < 0) & known.flatten()[below], below, found)
-        return found.view(self.size_hw)
+        nearest = torch.where((nearest < 0) & known.flatten()[below], below, nearest)
+        return nearest.view(self.size_hw)
 
     @cached_property
     def _inside(self) -> tuple[Int[Tensor, " n"], Int[Tensor, " n"]]:
-        """Of all old pixels, the new one that each lies in, and an order in which nearer ones come later."""
+        """The new pixel that contains each old pixel, and an order in which nearer ones come later."""
         (rows, down), (columns, across) = map(_cells, self.camera.size_hw, self.size_hw)
         inside = (rows[:, None] * self.size_hw[1] + columns).flatten()
         far = (down[:, None].square() + across.square()).flatten()
@@ -116,7 +116,7 @@ class Resize:
 
     @cached_property
     def _below_centres(self) -> Int[Tensor, " n"]:
-        """The old pixel that the centre of each new one lies in."""
+        """The old pixel that contains the centre of each new one."""
         rows, columns = (
             torch.arange(new).mul(2).add(1).mul(old).div(2 * new, rounding_mode="floor")
             for old, new in zip(self.camera.size_hw, self.size_hw, strict=True)
@@ -124,15 +124,15 @@ class Resize:
         return (rows[:, None] * self.camera.size_hw[1] + columns).flatten()
 
     def _between(self, taken: Mapping[str, Tensor]) -> dict[str, Tensor]:
-        """Depth, mask and normals from those of the pixels around."""
+        """Depth, mask and normals interpolated from those of the four pixels around."""
         mixed = self.truth == "mixed"
         depth = self._read_off(taken["depth"])
         mask = depth > 0 if mixed else self._read_off(taken["mask"].float()) > WHOLE
-        found = {"depth": torch.where(mask, depth, 0.0), "mask": mask}
+        maps = {"depth": torch.where(mask, depth, 0.0), "mask": mask}
         if "normals" in taken:
             between = self._read_off(taken["normals"])
-            found["normals"] = (between if mixed else unit_in_place(between)).mul_(mask)
-        return found
+            maps["normals"] = (between if mixed else unit_in_place(between)).mul_(mask)
+        return maps
 
     def _read_off(self, values: Float[Tensor, "c h w"]) -> Float[Tensor, "c h2 w2"]:
         (_, down), (_, across) = self._around
@@ -147,12 +147,12 @@ class Resize:
 
 
 def resized_image(image: UInt8[Tensor, "b 3 h w"], size_hw: tuple[int, int]) -> UInt8[Tensor, "b 3 h2 w2"]:
-    """Images averaged to a size as networks see them: bilinear, antialiased, in 8 bits."""
+    """Resize images as networks see them: bilinear, antialiased, in 8 bits."""
     return interpolate(image, size_hw, mode="bilinear", antialias=True)
 
 
 def _cells(old: int, new: int) -> tuple[Int[Tensor, " n"], Float[Tensor, " n"]]:
-    """The new pixel that each old one lies in, and how far it is from its centre, in old pixels."""
+    """The new pixel that contains each old one, and its distance from the centre in old pixels."""
     place = torch.arange(old)
     cell = ((2 * place + 1) * new).div(2 * old, rounding_mode="floor")
     return cell, place - ((cell.double() + 0.5) * (old / new) - 0.5)

@@ -1,4 +1,4 @@
-"""Orders of frames, and a loader that goes on in the middle of one."""
+"""Orders of frames, and a loader that can resume in the middle of an epoch."""
 
 import itertools
 import math
@@ -16,8 +16,8 @@ class WeightedOrder(Sampler[int]):
 
     Args:
         parts: number of frames and weight of each data set.
-        seed: of the order.
-        rank: of this process; the order is padded with its first frames where it is not divisible.
+        seed: seed of the order.
+        rank: rank of this process; the order is padded with its first frames where it is not divisible.
         world_size: number of processes.
     """
 
@@ -30,7 +30,7 @@ class WeightedOrder(Sampler[int]):
         return math.ceil(self.total / self.world_size)
 
     def set_epoch(self, epoch: int) -> None:
-        """Lightning calls it before each epoch."""
+        """Set the epoch of the order; Lightning calls it before each epoch."""
         self.epoch = epoch
 
     def __iter__(self) -> Iterator[int]:
@@ -61,9 +61,9 @@ class ShardedSampler(Sampler[int]):
 
 
 class ResumableLoader(SteadyLoader):
-    """A loader whose position a checkpoint keeps: the epoch that follows `load_state_dict` begins there.
+    """A loader whose position checkpoints keep: the epoch after `load_state_dict` begins there.
 
-    The order of frames is one of (seed, epoch): the number of batches is all there is to keep.
+    The order of frames depends on (seed, epoch) alone, so that the number of batches is all there is to keep.
     """
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
@@ -75,18 +75,18 @@ class ResumableLoader(SteadyLoader):
         return self._from(self._given)
 
     def _from(self, start: int) -> Iterator[Any]:
-        """Nothing is read before the first batch is asked for: only then has Lightning told the epoch."""
+        """Read nothing before the first batch is requested: only then has Lightning set the epoch."""
         self.batch_sampler.start = start  # type: ignore[union-attr]
         for batch in super().__iter__():
             self._given += 1
             yield batch
 
     def state_dict(self) -> dict[str, int]:
-        """How many batches of the epoch it has given."""
+        """Number of batches of the epoch that were given."""
         return {"batches": self._given}
 
     def load_state_dict(self, state: Mapping[str, int]) -> None:
-        """Pass over as many in the next epoch."""
+        """Skip as many batches in the next epoch."""
         self._passed_over = state["batches"]
 
 

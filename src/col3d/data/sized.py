@@ -1,4 +1,4 @@
-"""Frames at a network's size: from the files, from several data sets, in codes or in standard units."""
+"""Frames at a network's size: from files or several data sets, as codes or in standard units."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -15,12 +15,12 @@ from col3d.geometry import Camera
 
 
 class SizedFrames(Dataset[dict[str, Any]], ABC):
-    """Frames of one size whose values are those of their codes, whatever they are read from.
+    """Frames of one size whose values are those of their codes, from any source.
 
     Attributes:
-        cameras: that saw them, at their size; `QuantizedBatch.lens` counts these.
-        videos: of each frame, in order.
-        releases: by video, of the data set that its files follow; empty where there is none.
+        cameras: cameras of the frames, at their size; `QuantizedBatch.lens` is an index of these.
+        videos: name of the video of each frame, in order.
+        releases: release of the data set that a video's files follow, by video; empty where there is none.
         dense_truth: see `FrameSet`.
     """
 
@@ -57,7 +57,7 @@ class Resized(SizedFrames):
         return collated([self.encoded(index) for index in indices])
 
     def encoded(self, index: int) -> dict[str, Any]:
-        """One frame's codes."""
+        """Codes of one frame."""
         item, depth = self.resize.read(self.frames, index), self.frames.max_depth
         about = {"video": item["video"], "frame": item["frame"], "max_depth": depth, "lens": 0}
         return encode(item, depth) | about
@@ -101,7 +101,7 @@ class Joined(SizedFrames):
 
 
 def collated(items: Sequence[dict[str, Any]]) -> QuantizedBatch:
-    """Items as one batch, in memory that processes share where a worker loads them."""
+    """Collate items into one batch, in shared memory where a worker loads them."""
     batch: dict[str, Any] = {}
     for key in items[0]:
         values = [item[key] for item in items]
@@ -115,6 +115,6 @@ def collated(items: Sequence[dict[str, Any]]) -> QuantizedBatch:
 
 
 def empty(shape: tuple[int, ...], dtype: torch.dtype) -> Tensor:
-    """A tensor to fill; a worker of a loader makes it where its parent reads it, and spares a copy."""
+    """An uninitialised tensor; in a worker of a loader, in memory shared with the parent, to spare a copy."""
     values = torch.empty(shape, dtype=dtype)
     return values.share_memory_() if torch.utils.data.get_worker_info() else values

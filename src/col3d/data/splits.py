@@ -39,16 +39,16 @@ def paper_split() -> dict[str, list[str]]:
 
 
 def leave_out(kind: str, value: str) -> dict[str, list[str]]:
-    """A split that tests on every video of one segment or texture, and neither trains nor validates on any.
+    """A split that tests on all videos of a segment or texture, and trains and validates on none of them.
 
-    Validated on the paper's validation videos that are left, trained on all others, cecum_t1_b among them.
+    It validates on the paper's remaining validation videos, and trains on all others, including cecum_t1_b.
 
     Args:
         kind: "segment" or "texture".
-        value: which, such as "cecum" or "3".
+        value: name of the segment or texture, such as "cecum" or "3".
 
     Raises:
-        DataError: no video is of it.
+        DataError: no video has it.
     """
     test = [v.name for v in video_table().values() if getattr(v, kind) == value]
     if not test:
@@ -86,7 +86,7 @@ def parse_selection(entry: str, present: Sequence[str] = ()) -> Selection:
 def selection_of_any_video(entry: str, present: Sequence[str] = ()) -> Selection:
     """Read an entry of a split as `parse_selection` does, whatever the name of its video.
 
-    For where those at hand say later whether the video is among them.
+    Use it where a later step checks that the video exists.
 
     Raises:
         DataError: malformed range.
@@ -106,32 +106,32 @@ def selection_of_any_video(entry: str, present: Sequence[str] = ()) -> Selection
 
 
 def expand(entries: Sequence[str], present: Sequence[str]) -> list[str]:
-    """Entries of a split with wildcards (`c1_*`) replaced by the videos at hand that they match, in order.
+    """Replace wildcards (`c1_*`) in entries of a split by the existing videos that they match, in order.
 
-    Videos that are known to have no truth are never meant by a wildcard.
+    A wildcard never matches a video that is known to have no truth.
 
     Raises:
-        DataError: one matches nothing.
+        DataError: a wildcard matches nothing.
     """
-    found: list[str] = []
+    expanded: list[str] = []
     scored = sorted(video for video in present if video not in catalogue() or catalogue()[video].has_truth)
     for entry in entries:
         if not set("*?") & set(entry):
-            found.append(entry)
+            expanded.append(entry)
             continue
         matching = [video for video in scored if fnmatch.fnmatch(video, entry) or _released_as(video, entry)]
         if not matching:
             raise DataError(f"split entry {entry!r}: no video of data.root matches")
-        found += [video for video in matching if video not in found]
-    return found
+        expanded += [video for video in matching if video not in expanded]
+    return expanded
 
 
 def check_end(selection: Selection, last: int) -> None:
     """Refuse a range that goes beyond the end of its video.
 
     Args:
-        selection: of a video.
-        last: number of its last frame.
+        selection: frames of a video.
+        last: number of the video's last frame.
 
     Raises:
         DataError: names the range and the end.
@@ -146,26 +146,26 @@ def _released_as(video: str, pattern: str) -> bool:
     return row is not None and fnmatch.fnmatch(row.released_as, pattern)
 
 
-def check_counts(entries: Sequence[str], found: Mapping[str, int], release: str) -> None:
-    """Hold the number of frames of videos against the table.
+def check_counts(entries: Sequence[str], counts: Mapping[str, int], release: str) -> None:
+    """Compare the number of frames of videos with the table.
 
     Args:
-        entries: of a split.
-        found: frames of them, by video; those of videos that the table does not list are not checked.
-        release: that the files of these videos follow.
+        entries: entries of a split.
+        counts: number of frames by video; those of videos that the table does not list are not checked.
+        release: release that the files of these videos follow.
 
     Raises:
         DataError: names the first video whose count differs.
     """
     chosen = [selection_of_any_video(entry) for entry in entries]
-    for video, count in found.items():
+    for video, count in counts.items():
         whole = frames_of(video, release)
         if whole is None:
             continue
-        of_video = [selection for selection in chosen if selection.video == video]
-        expected = sum(any(number in selection for selection in of_video) for number in range(whole))
+        parts = [selection for selection in chosen if selection.video == video]
+        expected = sum(any(number in selection for selection in parts) for number in range(whole))
         if count != expected:
             raise DataError(
-                f"video {', '.join(map(str, of_video))} has {count} frames, its data set's {release} release "
+                f"video {', '.join(map(str, parts))} has {count} frames, its data set's {release} release "
                 f"has {expected}: copy it again, or set data.allow_missing=true to use what is there"
             )

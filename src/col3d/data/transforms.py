@@ -1,8 +1,8 @@
-"""Transforms of batches: image, depth, normals, mask and rays move together.
+"""Transforms of batches that keep image, depth, normals, mask and rays consistent.
 
 A pixel is valid after a transform only where all pixels it is interpolated from are, or, of truth with holes,
-where the nearest one is; vectors turn and mirror with the image. kornia warps the maps; that the vectors in
-them turn too, it leaves to us.
+where the nearest one is; vectors turn and mirror with the image. kornia warps the maps but leaves the vectors
+in them as they are; they are rotated here.
 """
 
 import math
@@ -31,7 +31,7 @@ def flip(batch: Batch, chosen: Bool[Tensor, " b"]) -> Batch:
 
 
 def rotate(batch: Batch, degrees: Float[Tensor, " b"], sparse: bool = False) -> Batch:
-    """Turn each frame about its middle, from x towards y, and its vectors with it.
+    """Rotate each frame about its middle, from x towards y, and its vectors with it.
 
     Where pixels are not square (frames squeezed to 320 x 320), the map of the pixels allows for it, so that
     the scene turns rigidly about the optical axis.
@@ -50,8 +50,8 @@ def crop(batch: Batch, share: float, place: Float[Tensor, "b 2"], sparse: bool =
 
     Args:
         batch: frames.
-        share: of either side that the window has.
-        place: of the window, from (0, 0) at the top left to (1, 1) at the bottom right.
+        share: side of the window as a share of the frame's.
+        place: place of the window, from (0, 0) at the top left to (1, 1) at the bottom right.
         sparse: whether the truth has holes.
     """
     size_hw = _size_hw(batch)
@@ -101,7 +101,7 @@ def _size_hw(batch: Batch) -> tuple[int, int]:
 def jitter(
     image: Float[Tensor, "b 3 h w"], gamma: Float[Tensor, " b"], gains: Float[Tensor, "b 3"]
 ) -> Float[Tensor, "b 3 h w"]:
-    """Photometric change: image ** gamma, times a gain for each colour, kept in [0, 1]."""
+    """Photometric change: image ** gamma, times a gain for each colour, clipped to [0, 1]."""
     return (image.clamp_min(1e-6) ** gamma[:, None, None, None] * gains[:, :, None, None]).clamp(0, 1)
 
 
@@ -160,7 +160,7 @@ def _maps(batch: Batch) -> dict[str, Tensor]:
 
 
 def _turn(vectors: Tensor, degrees: Tensor) -> Tensor:
-    """Vectors turned about the optical axis, from x towards y."""
+    """Rotate vectors about the optical axis, from x towards y."""
     cos, sin = (f(torch.deg2rad(degrees))[:, None, None] for f in (torch.cos, torch.sin))
     x, y, z = vectors.unbind(dim=1)
     return torch.stack([cos * x - sin * y, sin * x + cos * y, z], dim=1)

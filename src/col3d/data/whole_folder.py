@@ -1,4 +1,4 @@
-"""Folders that are there whole or not at all, and that replace only what this program wrote."""
+"""Write folders atomically, and replace only what this program wrote."""
 
 import json
 import os
@@ -11,19 +11,17 @@ from pathlib import Path
 from col3d.errors import DataError, naming
 
 PARTIAL = ".partial-"
-
-
 LISTS = {
     "phantom.json": r"\d{4,}_(color|occlusion|depth|normals|flow)\.(png|tiff)|pose\.txt|coverage_mesh\.obj",
     "index.json": r"(image|depth|normals|mask)\.npy",
 }
-"""Files that list what a rendered or a prepared video consists of, and the names of what is ours where a list
-cannot be read."""
+"""Files that list the contents of a rendered or a prepared video -> pattern of the names of our files, for
+lists that cannot be read."""
 
 
 @contextmanager
 def whole_folder(folder: Path) -> Iterator[Path]:
-    """A folder to fill that takes the place of `folder` when the block ends well, and vanishes otherwise.
+    """A folder to fill, which replaces `folder` when the block succeeds, and is deleted otherwise.
 
     Raises:
         DataError: `folder` holds something that this program did not write; the block does not begin.
@@ -42,7 +40,7 @@ def whole_folder(folder: Path) -> Iterator[Path]:
 
 
 def check_replaceable(folder: Path) -> None:
-    """Refuse a video's folder with anything in it that this program did not write.
+    """Refuse a video's folder that holds anything that this program did not write.
 
     Raises:
         DataError: names the folder and what is in it.
@@ -57,7 +55,7 @@ def check_replaceable(folder: Path) -> None:
 
 
 def _written(folder: Path) -> list[str]:
-    """Names of the files of a video that this program wrote, their list last: it goes when they are gone."""
+    """Names of a video's files that this program wrote; the list is last, and so is deleted last."""
     for name, pattern in LISTS.items():
         if (folder / name).is_file():
             listed = _listed(folder / name)
@@ -72,7 +70,7 @@ def _names(folder: Path) -> set[str]:
 
 
 def _listed(path: Path) -> set[str] | None:
-    """The files that a list names; None where it is cut off or damaged."""
+    """The files that a list names; None where it is truncated or damaged."""
     with suppress(OSError, ValueError, AttributeError, TypeError):
         content = json.loads(path.read_text(encoding="utf-8"))
         files = content["files"] if "files" in content else [f"{name}.npy" for name in content["shards"]]
@@ -81,7 +79,7 @@ def _listed(path: Path) -> set[str] | None:
 
 
 def _remove(folder: Path) -> None:
-    """Delete what is to be replaced; what others put there since is in the way, and stays."""
+    """Delete a video that is to be replaced; foreign files that have come since stop it, and stay."""
     check_replaceable(folder)
     if folder.is_dir():
         for name in _written(folder):
@@ -90,7 +88,7 @@ def _remove(folder: Path) -> None:
 
 
 def remove_stale(root: Path) -> None:
-    """Delete what interrupted processes left behind; folders of running ones and of others stay."""
+    """Delete folders that interrupted processes left; those of running processes and of others stay."""
     names = re.compile("|".join([*LISTS.values(), *map(re.escape, LISTS)]))
     for folder in root.glob(f"{PARTIAL}*-*"):
         process = folder.name.rpartition("-")[2]

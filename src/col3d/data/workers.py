@@ -1,4 +1,4 @@
-"""Loaders whose worker processes no signal ends that was meant for their parent."""
+"""Data loaders whose worker processes ignore signals that are meant for their parent."""
 
 import os
 import signal
@@ -11,17 +11,15 @@ from typing import Any
 from torch.utils.data import DataLoader, Dataset
 
 WORKERS_START = "fork" if sys.platform == "linux" else None
-"""Said, because a launcher that runs jobs in processes of its own may have set another start method."""
-
-
+"""Start method, set here because a launcher with processes of its own may have set another one."""
 SENT_TO_ALL = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1, signal.SIGUSR2}
 """Signals that a scheduler or Ctrl-C sends to every process of a job."""
 
 
 def ignore_worker_signals(worker: int) -> None:
-    """Let a worker end when its loader ends it, and not by what is sent to all processes of a job.
+    """Make a worker ignore signals to all processes of a job: only its parent ends it.
 
-    Else its parent would have nothing to go on to the end of the step with, where it can save.
+    Otherwise the parent would lose its batches before the end of the step, where it can save.
     """
     signal.pthread_sigmask(signal.SIG_BLOCK, SENT_TO_ALL)
 
@@ -35,7 +33,7 @@ def ignore_worker_signals(worker: int) -> None:
 
 @contextmanager
 def signals_held() -> Iterator[None]:
-    """Hold back signals while workers start: they inherit it, so that none dies before it can ignore them."""
+    """Block signals while workers start: they inherit the mask, and none dies before it ignores them."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, SENT_TO_ALL)
     try:
         yield
@@ -44,7 +42,7 @@ def signals_held() -> Iterator[None]:
 
 
 class SteadyLoader(DataLoader[Any]):
-    """A loader whose workers no signal ends but its own."""
+    """A data loader whose workers are ended by no signal but their parent's."""
 
     def __init__(self, frames: Dataset[Any], num_workers: int = 0, **options: Any) -> None:
         if num_workers:

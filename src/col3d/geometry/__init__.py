@@ -1,14 +1,14 @@
-"""Cameras, rays, points and normals: the conventions, once.
+"""Cameras, rays, points and normals, and their conventions.
 
 * Camera axes: x right, y down, z forward (OpenCV); millimetres.
 * Pixels: the centre of the top-left one is (0, 0); a pixel is (u, v) = (column, row).
 * `depth` is measured along the optical axis; a point is `ray / ray_z * depth`. The length of that point,
-  the ray distance, is another thing.
+  the ray distance, is a different quantity.
 * `rays` are unit vectors of shape (3, h, w) or (b, 3, h, w). `normals` are unit vectors that face the
   camera along their own ray: n . ray < 0. A plane at 50 mm seen by a pinhole has normals (0, 0, -1).
 * `mask` is True where a pixel counts. Sizes are (height, width).
 
-kornia's `depth_to_3d` and `depth_to_normals` know pinholes only, and its normals point away from the
+kornia's `depth_to_3d` and `depth_to_normals` support pinholes only, and its normals point away from the
 camera; here every function takes the rays of any central camera instead.
 """
 

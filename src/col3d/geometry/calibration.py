@@ -1,4 +1,4 @@
-"""Omnidirectional calibrations as programs write them: C3VD's numbers, OCamCalib's text, MATLAB's object.
+"""Read omnidirectional calibrations: C3VD's numbers, OCamCalib's text, MATLAB's object.
 
 The three disagree about axes, origin, sign and how c, d, e fill the stretch matrix; here each becomes an
 `OmnidirectionalCamera` with x right, y down, z forward and (0, 0) the centre of the top left pixel.
@@ -11,15 +11,15 @@ from typing import Any
 from col3d.geometry.omnidirectional import BY_COLUMNS, BY_ROWS, OmnidirectionalCamera, stretch_matrix
 
 OCAMCALIB = "#polynomial coefficients"
-"""How `calib_results.txt` begins."""
+"""First words of `calib_results.txt`."""
 MATLAB = "MappingCoefficients"
 """A property of MATLAB's `fisheyeIntrinsics`."""
 COEFFICIENTS = ("a0", "a1", "a2", "a3", "a4")
 STRETCH = ("c", "d", "e")
 PUBLISHED_TO = 1e-7
-"""Difference up to which c, d and e are those that a data set publishes."""
+"""Largest difference of c, d and e from those that a data set publishes."""
 LARGEST = 65535
-"""Pixels of a side: no image is larger, and a wrong number should not fill the memory."""
+"""Largest side in pixels: no image is larger, and a wrong number must not fill the memory."""
 
 
 def from_numbers(given: Mapping[str, Any]) -> OmnidirectionalCamera:
@@ -45,22 +45,22 @@ def from_numbers(given: Mapping[str, Any]) -> OmnidirectionalCamera:
 
 
 def _form(named: Any, c: float, d: float, e: float) -> str:
-    """How c, d, e fill the matrix; where d equals e, both ways are one."""
+    """Arrangement of c, d, e in the matrix; where d equals e, both are the same."""
     written = "".join(str(named).split()) if named is not None else ""
     for form in (BY_COLUMNS, BY_ROWS):
         if written == "".join(form.split()):
             return form
     if named is None and (d == e or _is_published(c, d, e)):
         return BY_COLUMNS
-    came = "nothing" if named is None else repr(named)
+    actual = "nothing" if named is None else repr(named)
     raise ValueError(
         f"stretch: expected the entries that c={c}, d={d}, e={e} are, {BY_COLUMNS!r} (C3VD's renderer) or "
-        f"{BY_ROWS!r} (MATLAB, C3VD's example loader), got {came}"
+        f"{BY_ROWS!r} (MATLAB, C3VD's example loader), got {actual}"
     )
 
 
 def _is_published(c: float, d: float, e: float) -> bool:
-    """Whether these are the numbers of C3VD or C3VDv2, of which it is known how their renderer reads them."""
+    """Whether these are the numbers of C3VD or C3VDv2, whose renderer's arrangement is known."""
     for camera in (OmnidirectionalCamera.c3vd(), OmnidirectionalCamera.c3vdv2()):
         (known_c, known_e), (known_d, _) = camera.stretch
         if max(abs(c - known_c), abs(d - known_d), abs(e - known_e)) < PUBLISHED_TO:
@@ -120,26 +120,26 @@ def from_matlab(given: Mapping[str, Any]) -> OmnidirectionalCamera:
 
 
 def numbers(name: str, values: Any, count: int) -> tuple[float, ...]:
-    """Finite numbers, as many as there should be.
+    """Check that values are the expected count of finite numbers.
 
     Raises:
-        ValueError: names the field and what came.
+        ValueError: names the field and the values.
     """
     if not isinstance(values, list | tuple) or len(values) != count:
         raise ValueError(f"{name}: expected {count} numbers, got {values!r}")
     if not all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
         raise ValueError(f"{name}: expected numbers, got {values!r}")
     try:
-        found = tuple(float(value) for value in values)
+        converted = tuple(float(value) for value in values)
     except OverflowError:
-        found = (math.inf,)
-    if not all(math.isfinite(value) for value in found):
+        converted = (math.inf,)
+    if not all(math.isfinite(value) for value in converted):
         raise ValueError(f"{name}: expected finite numbers, got {str(values)[:80]}")
-    return found
+    return converted
 
 
 def checked_size(size_hw: tuple[float, ...]) -> tuple[int, int]:
-    """Height and width in pixels.
+    """Check height and width in pixels.
 
     Raises:
         ValueError: they are not whole numbers from 1 on.
@@ -150,7 +150,7 @@ def checked_size(size_hw: tuple[float, ...]) -> tuple[int, int]:
 
 
 def check_rest(given: Mapping[str, Any]) -> None:
-    """Refuse fields that nothing reads.
+    """Refuse fields that were not read.
 
     Raises:
         ValueError: names them.

@@ -1,4 +1,4 @@
-"""Central cameras: an affine pixel map around a lens that leads points of a plane to directions and back.
+"""Central cameras: an affine pixel map around a lens that maps points of a plane to directions and back.
 
 A pixel is u = S p + centre with a 2 x 2 `stretch` S. Where the lens is symmetric about its axis, the ray
 through the plane point p is (p_x, p_y, g(|p|)), normalised: a pinhole has g = 1 and S = diag(fx, fy);
@@ -20,20 +20,20 @@ from torch import Tensor
 CameraType = TypeVar("CameraType", bound="Camera")
 Matrix2 = tuple[tuple[float, float], tuple[float, float]]
 MIN_AHEAD = 1e-3
-"""Rays that point less ahead than this (their z) have no depth along the axis."""
+"""Least z of a ray that has a depth along the optical axis."""
 BISECTIONS = 24
 
 
 @dataclass(frozen=True)
 class Camera(ABC):
-    """A central camera; see the module for its model."""
+    """A central camera; see the module's docstring for the model."""
 
     size_hw: tuple[int, int]
     """Image height and width in pixels."""
     centre: tuple[float, float]
     """Pixel (u, v) of the optical axis."""
     stretch: Matrix2
-    """S of the module's text, in pixels per unit of the plane point."""
+    """Matrix S of the module's docstring, in pixels per unit of the plane point."""
 
     @abstractmethod
     def directions(self, plane: Float[Tensor, "*n 2"]) -> Float[Tensor, "*n 3"]:
@@ -46,13 +46,13 @@ class Camera(ABC):
     def rays(self) -> Float[Tensor, "3 h w"]:
         """Unit viewing direction of every pixel (float32, computed once per camera; do not write into it).
 
-        Pixels outside the image circle have none: theirs is that of the nearest pixel towards the optical
-        axis which has one, so that networks get finite numbers. `sees` tells them apart.
+        Pixels outside the image circle have no ray of their own: they get that of the nearest pixel towards
+        the optical axis that has one, so that networks get finite numbers. `sees` distinguishes them.
         """
         return _rays(self)
 
     def sees(self) -> Bool[Tensor, "1 h w"]:
-        """Pixels that have a ray, less than 90 degrees from the optical axis: where z-depth is defined."""
+        """Pixels that have a ray less than 90 degrees from the optical axis: where z-depth is defined."""
         return _sees(self)
 
     def unproject(self, pixels: Float[Tensor, "*n 2"]) -> Float[Tensor, "*n 3"]:
@@ -69,13 +69,13 @@ class Camera(ABC):
         return self.plane_points(points) @ self._stretch_on(points).T + points.new_tensor(self.centre)
 
     def resized(self: CameraType, size_hw: tuple[int, int]) -> CameraType:
-        """The camera of the image resized to this size: corners stay put, centres move by half a pixel."""
+        """The camera of the image resized to this size: corners stay, pixel centres move by half a pixel."""
         scale_v, scale_u = (new / old for new, old in zip(size_hw, self.size_hw, strict=True))
         offset = (0.5 * scale_u - 0.5, 0.5 * scale_v - 0.5)
         return self._moved(size_hw, ((scale_u, 0.0), (0.0, scale_v)), offset)
 
     def cropped(self: CameraType, top: int, left: int, height: int, width: int) -> CameraType:
-        """The camera of the image cut out at this place."""
+        """The camera of a crop of the image."""
         return self._moved((height, width), ((1.0, 0.0), (0.0, 1.0)), (-float(left), -float(top)))
 
     def flipped(self: CameraType) -> CameraType:
@@ -84,9 +84,9 @@ class Camera(ABC):
         return self._moved(self.size_hw, mirror, (self.size_hw[1] - 1.0, 0.0), turn=mirror)
 
     def rolled(self: CameraType, degrees: float) -> CameraType:
-        """The camera of the image turned about its middle, from x towards y (clockwise as one looks at it).
+        """The camera of the image rotated about its middle, from x towards y (clockwise in the image).
 
-        Vectors of the scene turn by the same angle about the optical axis.
+        Vectors of the scene rotate by the same angle about the optical axis.
         """
         cos, sin = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
         turn = ((cos, -sin), (sin, cos))
@@ -101,7 +101,7 @@ class Camera(ABC):
         offset: tuple[float, float],
         turn: Matrix2 = ((1.0, 0.0), (0.0, 1.0)),
     ) -> CameraType:
-        """Pixels move by `linear` and `offset`, vectors turn by the orthogonal `turn`: S' = A S T^-1."""
+        """Transform pixels by `linear` and `offset`, and vectors by the orthogonal `turn`: S' = A S T^-1."""
         a, s, t = (torch.tensor(m, dtype=torch.float64) for m in (linear, self.stretch, turn))
         (s00, s01), (s10, s11) = (a @ s @ t.T).tolist()
         centre = (a @ a.new_tensor(self.centre) + a.new_tensor(offset)).tolist()
@@ -113,7 +113,7 @@ class Camera(ABC):
         )
 
     def _turned(self: CameraType, turn: Matrix2) -> CameraType:
-        """The lens of vectors that turn; one that is symmetric about its axis stays as it is."""
+        """The lens for rotated vectors; one that is symmetric about its axis is unchanged."""
         return self
 
     def _stretch_on(self, like: Tensor) -> Tensor:
@@ -121,7 +121,7 @@ class Camera(ABC):
 
 
 @lru_cache(maxsize=64)
-@torch.inference_mode(False)  # first asked for during a validation, the rays must serve training too
+@torch.inference_mode(False)  # rays of a first call in validation must serve training, too
 def _rays(camera: Camera) -> Tensor:
     pixels = _pixels(camera.size_hw)
     rays = camera.unproject(pixels)
@@ -164,11 +164,11 @@ class RadialCamera(Camera):
         """Radius r of the plane point of a direction, given its parts across and along the optical axis."""
 
     def directions(self, plane: Float[Tensor, "*n 2"]) -> Float[Tensor, "*n 3"]:
-        """(p_x, p_y, g(|p|))."""
+        """Rays (p_x, p_y, g(|p|)) through plane points."""
         return torch.cat([plane, self.profile(plane.norm(dim=-1, keepdim=True))], dim=-1)
 
     def plane_points(self, points: Float[Tensor, "*n 3"]) -> Float[Tensor, "*n 2"]:
-        """The part of the direction across the axis, at the radius of its angle."""
+        """Plane points of directions: the part across the axis, at the radius of the angle."""
         across, along = points[..., :2].norm(dim=-1, keepdim=True), points[..., 2:]
         radius = self.plane_radius(across, along)
         ahead = along > 0
@@ -199,9 +199,9 @@ class PinholeCamera(RadialCamera):
 
     @classmethod
     def c3vd_published(cls, size_hw: tuple[int, int]) -> "PinholeCamera":
-        """The same at another size as published code scales it: by the ratio of the sizes alone.
+        """The same pinhole at another size, scaled as in published code: by the ratio of the sizes alone.
 
-        `c3vd().resized(size_hw)` keeps to the half pixel by which pixel centres shift besides.
+        `c3vd().resized(size_hw)` also shifts pixel centres by the half pixel that this omits.
         """
         full = cls.c3vd()
         down, across = size_hw[0] / full.size_hw[0], size_hw[1] / full.size_hw[1]
@@ -209,7 +209,7 @@ class PinholeCamera(RadialCamera):
         return cls.from_focal(size_hw, fx, fy, full.centre[0] * across, full.centre[1] * down)
 
     def profile(self, radius: Tensor) -> Tensor:
-        """One everywhere."""
+        """The profile of a pinhole: one everywhere."""
         return torch.ones_like(radius)
 
     def plane_radius(self, across: Tensor, along: Tensor) -> Tensor:

@@ -1,4 +1,4 @@
-"""Cameras as plain values and as files.
+"""Read and write cameras as plain values and as files.
 
 A pinhole is `{"model": "pinhole", "size": [h, w], "fx": .., "fy": .., "cx": .., "cy": ..}` in pixels, of
 which the top left one has its centre at (0, 0); with k1 to k6, p1 and p2 it is one with radial and tangential
@@ -36,24 +36,24 @@ MODELS: dict[str, type[Camera]] = {
 }
 OMNIDIRECTIONAL = ("omnidirectional", "scaramuzza", "ocam", "ocamcalib")
 ROUND_TRIP = 1e-3
-"""Pixels by which projecting the rays of pixels may miss them."""
+"""Largest distance in pixels between a pixel and the projection of its ray."""
 PROBED = 33
-"""Pixels along either side of an image that are tried."""
+"""Number of pixels along either side of an image that are tested."""
 MOST_OUTSIDE = 0.5
-"""Share of a fisheye's image that may lie outside its image circle."""
+"""Largest share of a fisheye's image outside its image circle."""
 LONGEST = 50_000_000
-"""Bytes of a file: larger ones are no calibrations."""
+"""Largest size of a file in bytes: larger ones are no calibrations."""
 
 
 def plain_from_camera(camera: Camera) -> dict[str, Any]:
-    """Its model and fields, as JSON has them."""
+    """A camera's model and fields as values for JSON."""
     model = next(name for name, kind in MODELS.items() if type(camera) is kind)
     plain: dict[str, Any] = json.loads(json.dumps({"model": model, **asdict(camera)}))
     return plain
 
 
 def camera_from_plain(plain: Mapping[str, Any]) -> Camera:
-    """The camera of plain values.
+    """Build a camera from plain values.
 
     Raises:
         ValueError: says what is missing or not what it should be.
@@ -62,7 +62,7 @@ def camera_from_plain(plain: Mapping[str, Any]) -> Camera:
 
 
 def read_camera(path: Path) -> Camera:
-    """The camera that a file describes, which has to say for which size of images.
+    """Read a camera from a file, which has to give the size of the images.
 
     Raises:
         DataError: names the file and what is wrong with it.
@@ -77,10 +77,10 @@ def read_camera(path: Path) -> Camera:
 
 
 def read_lens(path: Path) -> tuple[Camera, str]:
-    """The camera that a file describes, of the size (0, 0) where it does not say for which images.
+    """Read a camera from a file; its size is (0, 0) where the file does not give the size of the images.
 
     Returns:
-        The camera, and a remark on how its numbers were read, or nothing.
+        The camera, and a remark on how its numbers were read, or an empty text.
 
     Raises:
         DataError: names the file and what is wrong with it.
@@ -98,10 +98,10 @@ def read_lens(path: Path) -> tuple[Camera, str]:
 
 
 def check_stretch(camera: Camera) -> None:
-    """Refuse a camera of which several pixels are one.
+    """Refuse a camera whose stretch matrix is singular: several of its pixels would be one.
 
     Raises:
-        ValueError: says which matrix cannot be inverted.
+        ValueError: names the matrix that cannot be inverted.
     """
     (a, b), (c, d) = camera.stretch
     if a * d == b * c or not math.isfinite(a * d - b * c):
@@ -109,12 +109,12 @@ def check_stretch(camera: Camera) -> None:
 
 
 def check_round_trip(camera: Camera) -> None:
-    """Refuse a calibration whose rays do not lead back to their pixels, wherever the image is looked at.
+    """Refuse a calibration whose rays do not project back to their pixels, anywhere in the image.
 
     The image of a fisheye may be a circle, outside which pixels have no ray.
 
     Raises:
-        ValueError: names a pixel, or the principal point where it is no place of this image.
+        ValueError: names a pixel, or a principal point that is too far outside the image.
     """
     _check_centre(camera)
     v, u = (torch.linspace(0, side - 1, PROBED, dtype=torch.float64) for side in camera.size_hw)
@@ -138,10 +138,10 @@ def check_round_trip(camera: Camera) -> None:
 
 
 def _check_centre(camera: Camera) -> None:
-    """Refuse a principal point that not even a piece cut out of a larger image would have.
+    """Refuse a principal point farther outside than that of any crop of a larger image.
 
     Raises:
-        ValueError: says where it is.
+        ValueError: gives its place.
     """
     height, width = camera.size_hw
     u, v = camera.centre
@@ -187,8 +187,8 @@ def _with_remark(plain: Mapping[str, Any]) -> tuple[Camera, str]:
         return _omnidirectional(names), ""
     if str(names.get("model")).lower() in OMNIDIRECTIONAL:
         return calibration.from_numbers({name: names[name] for name in names if name != "model"}), ""
-    found, remark = fields_of(plain)
-    return camera_from_numbers(found), remark
+    lens_fields, remark = fields_of(plain)
+    return camera_from_numbers(lens_fields), remark
 
 
 def _omnidirectional(names: dict[str, Any]) -> OmnidirectionalCamera:
@@ -201,7 +201,7 @@ def _omnidirectional(names: dict[str, Any]) -> OmnidirectionalCamera:
 
 
 def _from_fields(plain: Mapping[str, Any]) -> Camera:
-    """From the fields of a class, as `plain_from_camera` writes them."""
+    """Build a camera from the fields of its class, as `plain_from_camera` writes them."""
     given = dict(plain)
     model = str(given.pop("model", None))
     if model not in MODELS:
@@ -215,11 +215,11 @@ def _from_fields(plain: Mapping[str, Any]) -> Camera:
 
 
 def _field(name: str, value: Any) -> Any:
-    """Lists as the tuples that cameras are made of; sizes as whole numbers."""
+    """Convert lists to the tuples of cameras' fields, and sizes to integers."""
     counts = {"size_hw": 2, "centre": 2, "polynomial": 5, "distortion": 4, "radial": 6, "tangential": 2}
     if name in counts:
-        found = numbers(name, value, counts[name])
-        return checked_size(found) if name == "size_hw" else found
+        values = numbers(name, value, counts[name])
+        return checked_size(values) if name == "size_hw" else values
     if name == "stretch":
         rows = value if isinstance(value, list) and len(value) == 2 else [None, None]
         return tuple(numbers(name, row, 2) for row in rows)

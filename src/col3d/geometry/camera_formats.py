@@ -1,4 +1,4 @@
-"""Camera files of other programs, brought to the fields that `camera_from_numbers` reads."""
+"""Convert camera files of other programs to the fields that `camera_from_numbers` reads."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -33,13 +33,13 @@ COLMAP = {
 VICALIB = {"calibu_fu_fv_u0_v0": "pinhole", "calibu_fu_fv_u0_v0_kb4": "fisheye"}
 HALF_PIXEL = "its pixel centres are at halves: 0.5 is taken from cx and cy"
 WRAPPERS = ("intrinsic", "intrinsics", "camera", "distortion", "resolution", "size")
-"""Fields that may hold those of the lens."""
+"""Fields that may contain those of the lens."""
 POSES = ("extrinsic", "extrinsics", "pose")
 LENS = {"size", "imagesize", "isfisheye", "fisheyemodel", "skew", *RADIAL, *TANGENTIAL, *ALIASES}
 
 
 def fields_of(plain: Mapping[str, Any]) -> tuple[dict[str, Any], str]:
-    """The fields of a camera file, and what has to be said of how they were read.
+    """The fields of a camera file, and a remark on how they were read.
 
     Raises:
         ValueError: says what is missing or not what it should be.
@@ -57,20 +57,20 @@ def fields_of(plain: Mapping[str, Any]) -> tuple[dict[str, Any], str]:
 
 
 def _unwrapped(plain: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:
-    """Fields that stand inside others, beside those that do not."""
-    found = {name: value for name, value in plain.items() if name not in (*names, *POSES)}
+    """Fields inside other fields, merged with those outside."""
+    fields = {name: value for name, value in plain.items() if name not in (*names, *POSES)}
     for name in names:
-        if twice := found.keys() & plain[name].keys():
+        if twice := fields.keys() & plain[name].keys():
             raise ValueError(f"{', '.join(sorted(twice))}: given twice, in {name} as well")
-        found |= plain[name]
-    return found
+        fields |= plain[name]
+    return fields
 
 
 def colmap_fields(text: str) -> dict[str, Any] | None:
     """The fields of COLMAP's `cameras.txt`; None where the text is no such file.
 
     Raises:
-        ValueError: there are several cameras, or one of a model that is not read.
+        ValueError: there are several cameras, or one of an unsupported model.
     """
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     if not lines or not all(re.match(r"\s*\d+[\s,]+[A-Z][A-Z_0-9]+[\s,]+\d+[\s,]", line) for line in lines):
@@ -84,9 +84,9 @@ def colmap_fields(text: str) -> dict[str, Any] | None:
     if model not in COLMAP:
         raise ValueError(f"model: {model!r} of COLMAP is not read; {HOW_TO}")
     names = COLMAP[model]
-    found = numbers(f"parameters of {model} ({', '.join(names)})", _floats(values), len(names))
+    parameters = numbers(f"parameters of {model} ({', '.join(names)})", _floats(values), len(names))
     sides = dict(zip(("width", "height"), _floats([width, height]), strict=True))
-    return half_pixel({"model": model, **sides, **dict(zip(names, found, strict=True))})
+    return half_pixel({"model": model, **sides, **dict(zip(names, parameters, strict=True))})
 
 
 def _floats(words: list[str]) -> list[Any]:
@@ -97,13 +97,13 @@ def _floats(words: list[str]) -> list[Any]:
 
 
 def _is_storage(plain: Mapping[str, Any]) -> bool:
-    """Whether matrices come with their shape, as in OpenCV's storage and ROS, or lists as ROS prints them."""
+    """Whether matrices have their shape beside them, as in OpenCV's storage and ROS, or ROS prints lists."""
     shaped = [value for value in plain.values() if isinstance(value, dict) and "data" in value]
     return bool(shaped) or ("distortion_model" in plain and {"P", "p", "R", "r"} & plain.keys() != set())
 
 
 def _lens_alone(plain: Mapping[str, Any]) -> dict[str, Any]:
-    """What is said of the lens in a file that says much else; images that were cut or binned are refused."""
+    """Fields of the lens, in a file with many others; cropped or binned images are refused."""
     for name in ("binning_x", "binning_y"):
         if plain.get(name, 0) not in (0, 1):
             raise ValueError(f"{name}: expected the camera of whole images, got {plain[name]}")
@@ -116,7 +116,7 @@ def _lens_alone(plain: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _kalibr(plain: Mapping[str, Any]) -> dict[str, Any]:
-    """Of Kalibr's `camchain.yaml`."""
+    """Fields of Kalibr's `camchain.yaml`."""
     if len(plain) != 1:
         raise ValueError(f"expected one camera, got {', '.join(plain)}; keep that of the images")
     camera = next(iter(plain.values()))
@@ -136,17 +136,25 @@ def _kalibr(plain: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _matlab(plain: Mapping[str, Any]) -> dict[str, Any]:
-    """Of `jsonencode` of a MATLAB `cameraIntrinsics`, or `cameraParameters`."""
+    """Fields of `jsonencode` of a MATLAB `cameraIntrinsics` or `cameraParameters`."""
     height, width = numbers("ImageSize", plain.get("ImageSize"), 2)
     fx, fy = numbers("FocalLength", plain.get("FocalLength"), 2)
     cx, cy = numbers("PrincipalPoint", plain.get("PrincipalPoint"), 2)
     radial = plain.get("RadialDistortion", [0.0, 0.0])
     count = len(radial) if isinstance(radial, list) and len(radial) in (2, 3) else 2
-    found = dict(zip(RADIAL[:count], numbers("RadialDistortion", radial, count), strict=True))
+    distortion = dict(zip(RADIAL[:count], numbers("RadialDistortion", radial, count), strict=True))
     tangential = numbers("TangentialDistortion", plain.get("TangentialDistortion", [0.0, 0.0]), 2)
-    found |= dict(zip(TANGENTIAL, tangential, strict=True))
+    distortion |= dict(zip(TANGENTIAL, tangential, strict=True))
     sides: dict[str, Any] = {"model": "pinhole", "height": height, "width": width}
-    return {**sides, "fx": fx, "fy": fy, "cx": cx - 1, "cy": cy - 1, "skew": plain.get("Skew", 0.0), **found}
+    return {
+        **sides,
+        "fx": fx,
+        "fy": fy,
+        "cx": cx - 1,
+        "cy": cy - 1,
+        "skew": plain.get("Skew", 0.0),
+        **distortion,
+    }
 
 
 def _vicalib(plain: Mapping[str, Any]) -> dict[str, Any]:
@@ -160,7 +168,7 @@ def _vicalib(plain: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _nerfstudio(plain: Mapping[str, Any]) -> dict[str, Any]:
-    """Of `transforms.json`, whose cameras stand at its top or in each frame."""
+    """Fields of Nerfstudio's `transforms.json`, at its top or in each frame."""
     wanted = {"w", "h", "fl_x", "fl_y", "cx", "cy", "camera_model", "is_fisheye", *RADIAL, *TANGENTIAL}
     top = {name: value for name, value in plain.items() if name in wanted}
     frames = [frame for frame in plain.get("frames") or [] if isinstance(frame, dict)]
@@ -168,30 +176,30 @@ def _nerfstudio(plain: Mapping[str, Any]) -> dict[str, Any]:
     own = {tuple(sorted((n, str(v)) for n, v in f.items() if n in wanted)) for f in frames}
     if len(own) > 1:
         raise ValueError(f"frames: expected one camera for all, got {len(own)} that differ")
-    found = {**top, **{name: value for name, value in first.items() if name in wanted}}
-    if "fl_x" not in found and "camera_angle_x" in plain:
-        found |= _of_angles(plain, found)
-    found.setdefault("fl_y", found.get("fl_x"))
-    found.setdefault("camera_model", "OPENCV_FISHEYE" if found.pop("is_fisheye", False) else "OPENCV")
-    found.pop("is_fisheye", None)
-    if found["camera_model"] in ("OPENCV", "RADIAL", "SIMPLE_RADIAL") and found.pop("k4", 0):
+    fields = {**top, **{name: value for name, value in first.items() if name in wanted}}
+    if "fl_x" not in fields and "camera_angle_x" in plain:
+        fields |= _of_angles(plain, fields)
+    fields.setdefault("fl_y", fields.get("fl_x"))
+    fields.setdefault("camera_model", "OPENCV_FISHEYE" if fields.pop("is_fisheye", False) else "OPENCV")
+    fields.pop("is_fisheye", None)
+    if fields["camera_model"] in ("OPENCV", "RADIAL", "SIMPLE_RADIAL") and fields.pop("k4", 0):
         raise ValueError(f"k4: the eighth power of a pinhole's distortion is not read; {HOW_TO}")
-    return renamed(found)
+    return renamed(fields)
 
 
-def _of_angles(plain: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, float]:
-    """Focal lengths and the middle of the image from fields of view in radians, as of rendered images."""
+def _of_angles(plain: Mapping[str, Any], fields: Mapping[str, Any]) -> dict[str, float]:
+    """Focal lengths and the image's middle from fields of view in radians, as for rendered images."""
     across, width, height = numbers(
-        "camera_angle_x, w, h", [plain["camera_angle_x"], found.get("w"), found.get("h")], 3
+        "camera_angle_x, w, h", [plain["camera_angle_x"], fields.get("w"), fields.get("h")], 3
     )
     fx = focal_from_angle(across, width)
     down = plain.get("camera_angle_y")
     fy = fx if down is None else focal_from_angle(numbers("camera_angle_y", [down], 1)[0], height)
-    return {"fl_x": fx, "fl_y": fy, "cx": found.get("cx", width / 2), "cy": found.get("cy", height / 2)}
+    return {"fl_x": fx, "fl_y": fy, "cx": fields.get("cx", width / 2), "cy": fields.get("cy", height / 2)}
 
 
 def _prefixed(plain: Mapping[str, Any]) -> dict[str, Any]:
-    """Of ORB-SLAM's settings, `Camera.fx` and so on."""
+    """Fields of ORB-SLAM's settings, `Camera.fx` and so on."""
     return _lens_alone({name.split(".", 1)[1]: value for name, value in plain.items() if _is_prefixed(name)})
 
 
@@ -214,4 +222,4 @@ FORMATS: tuple[tuple[Callable[[str], bool], Callable[[Mapping[str, Any]], dict[s
         HALF_PIXEL,
     ),
 )
-"""How a name in a file gives its program away, what reads it, and what has to be said then."""
+"""Test of a name that identifies a program's file, reader of the file, and remark on how it was read."""

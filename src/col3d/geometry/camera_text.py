@@ -1,4 +1,4 @@
-"""Texts of camera files as plain values: JSON, YAML and XML, OpenCV's storage among them, lines, a matrix."""
+"""Parse texts of camera files: JSON, YAML, XML, OpenCV's storage, lines of settings, or a matrix."""
 
 import configparser
 import json
@@ -15,7 +15,7 @@ NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 
 
 def plain_from_text(text: str) -> Any:
-    """What a text holds: names with values, or the rows of a matrix.
+    """Parse a text to names with values, or to the rows of a matrix.
 
     Raises:
         ValueError: says what is wrong with it.
@@ -36,22 +36,22 @@ def plain_from_text(text: str) -> Any:
 
 
 def _once(pairs: Iterable[tuple[Any, Any]]) -> dict[Any, Any]:
-    found: dict[Any, Any] = {}
+    values: dict[Any, Any] = {}
     for name, value in pairs:
-        if name in found:
+        if name in values:
             raise ValueError(f"{name}: given twice")
-        found[name] = value
-    return found
+        values[name] = value
+    return values
 
 
 def _is_rows(text: str) -> bool:
-    """Whether this is how NumPy or MATLAB prints a matrix: brackets without commas, or semicolons."""
+    """Whether a text is a matrix as NumPy or MATLAB prints it: brackets without commas, or semicolons."""
     first = text.splitlines()[0]
     return _numbers_in(first) is not None and ("," not in text or ";" in text)
 
 
 def _numbers_in(line: str) -> list[float] | None:
-    """The numbers of a line of nothing else."""
+    """The numbers of a line that holds nothing else; None for any other line."""
     words = line.translate(str.maketrans("[](),;\t", "       ")).split()
     if not words or not all(NUMBER.fullmatch(word) for word in words):
         return None
@@ -59,12 +59,12 @@ def _numbers_in(line: str) -> list[float] | None:
 
 
 def _matrix(text: str) -> dict[str, Any]:
-    """Rows of numbers, and lines `height = 480` or `# width = 640` beside them."""
+    """Parse rows of numbers, and lines such as `height = 480` or `# width = 640` beside them."""
     rows, others = [], []
     for line in text.splitlines():
         bare = line.strip().lstrip("#%; ")
-        if (found := _numbers_in(line)) is not None:
-            rows.append(found)
+        if (row := _numbers_in(line)) is not None:
+            rows.append(row)
         elif re.fullmatch(r"\w+\s*[=:]\s*\S+", bare):
             others.append(bare)
         elif bare and not line.strip().startswith(COMMENTS):
@@ -74,7 +74,7 @@ def _matrix(text: str) -> dict[str, Any]:
 
 
 def _settings(text: str) -> dict[str, Any]:
-    """Lines `name = value`."""
+    """Parse lines `name = value`."""
     parser = configparser.ConfigParser(
         inline_comment_prefixes=(";", "#", "//"), comment_prefixes=("#", ";", "//"), interpolation=None
     )
@@ -97,7 +97,7 @@ def _value(text: str) -> Any:
 
 
 class _Loader(yaml.SafeLoader):
-    """Plain YAML, with OpenCV's matrices, and without aliases, which could unfold without bounds."""
+    """YAML loader with OpenCV's matrices, and without aliases, which could expand without bounds."""
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         if self.check_event(yaml.AliasEvent):
@@ -116,7 +116,7 @@ _Loader.add_constructor(OPENCV_MATRIX, _Loader.construct_mapping)
 
 def _yaml(text: str) -> Any:
     try:
-        documents = [found for found in yaml.load_all(text, _Loader) if found is not None]
+        documents = [document for document in yaml.load_all(text, _Loader) if document is not None]
     except yaml.YAMLError as error:
         raise ValueError(f"expected JSON, YAML or lines of names and values ({_line(error)})") from None
     if len(documents) != 1:
@@ -129,7 +129,7 @@ def _line(error: Exception) -> str:
 
 
 def _with_numbers(value: Any) -> Any:
-    """YAML takes `1e-3` for a text."""
+    """Convert texts such as `1e-3` to numbers, which YAML leaves as texts."""
     if isinstance(value, dict):
         return {str(name): _with_numbers(inner) for name, inner in value.items()}
     if isinstance(value, list):
@@ -138,7 +138,7 @@ def _with_numbers(value: Any) -> Any:
 
 
 def _xml(text: str) -> dict[str, Any]:
-    """OpenCV's storage; or the parameters of a camera model of Vicalib."""
+    """Parse OpenCV's storage, or the parameters of a camera model of Vicalib."""
     if "<!" in text.replace("<!--", ""):
         raise ValueError("expected XML without declarations of types")
     try:
@@ -161,14 +161,14 @@ def _node(node: ElementTree.Element) -> Any:
     if len(node):
         return _once((child.tag, _node(child)) for child in node)
     text = (node.text or "").strip()
-    found = _numbers_in(text)
-    if found is None:
+    values = _numbers_in(text)
+    if values is None:
         return text.strip("\"'")
-    return found[0] if len(found) == 1 and not text.startswith("[") else found
+    return values[0] if len(values) == 1 and not text.startswith("[") else values
 
 
 def flattened(value: Any) -> Any:
-    """The numbers of a matrix in one list, whichever way it is written; all else as it is."""
+    """The numbers of a matrix in one list, in whichever form it is written; other values unchanged."""
     if isinstance(value, dict) and "data" in value:
         value = value["data"]
     if isinstance(value, list) and value and all(isinstance(row, list) for row in value):

@@ -1,4 +1,4 @@
-"""Normals by central differences, with a backward pass of its own that keeps nothing but what comes in."""
+"""Normals by central differences, with a backward pass that stores only the inputs."""
 
 from collections.abc import Iterator
 from typing import Any, NamedTuple
@@ -18,13 +18,13 @@ def central_normals(
     """Unit normals P_v x P_u of the points P = depth * at_one; zero where a derivative is unknown.
 
     Derivatives are sums of the forward and backward differences between known pixels. Differentiable in the
-    depth, once: the backward pass computes the forward one again. CPUs take frame by frame, so that steps
-    find what the steps before left in the cache.
+    depth, once: the backward pass recomputes the forward one. CPUs take frame by frame, so that intermediate
+    results stay in the cache.
 
     Args:
-        depth: along the optical axis, in float32 or float64; anything where it is not known.
-        at_one: rays that end at depth 1.
-        known: which pixels count.
+        depth: depth along the optical axis, in float32 or float64; anything where it is not known.
+        at_one: rays scaled to depth 1.
+        known: pixels that count.
     """
     normals: Tensor = _CentralNormals.apply(depth, at_one, known)
     return normals
@@ -47,13 +47,13 @@ class _CentralNormals(torch.autograd.Function):
         for i in _parts(depth):
             rays = _of(at_one, i)
             surface = _surface(depth[i], rays, known[i])
-            of_points = _to_points(upstream[i], surface)
-            gradient[i] = _dot(of_points, rays).mul_(surface.known)
+            point_gradient = _to_points(upstream[i], surface)
+            gradient[i] = _dot(point_gradient, rays).mul_(surface.known)
         return gradient, None, None
 
 
 class _Surface(NamedTuple):
-    """What both passes need; what is known as 1, the rest as 0."""
+    """Intermediate results of both passes; masks are 1 where known, else 0."""
 
     normals: Tensor
     per_length: Tensor
@@ -78,18 +78,18 @@ def _surface(depth: Tensor, at_one: Tensor, known: Tensor) -> _Surface:
 
 
 def _to_points(upstream: Tensor, surface: _Surface) -> Tensor:
-    """The gradient of the points, from that of the normals."""
+    """Gradient by the points, from that by the normals."""
     normals, per_length, along_u, along_v = surface[:4]
-    of_cross = torch.addcmul(upstream, normals, _dot(normals, upstream), value=-1).mul_(per_length)
-    of_points = torch.zeros_like(normals)
-    for of_tangent, pairs, dim in (
-        (_cross(of_cross, along_v), surface.pairs_u, -1),
-        (_cross(along_u, of_cross), surface.pairs_v, -2),
+    cross_gradient = torch.addcmul(upstream, normals, _dot(normals, upstream), value=-1).mul_(per_length)
+    point_gradient = torch.zeros_like(normals)
+    for tangent_gradient, pairs, dim in (
+        (_cross(cross_gradient, along_v), surface.pairs_u, -1),
+        (_cross(along_u, cross_gradient), surface.pairs_v, -2),
     ):
-        of_step = (_later(of_tangent, dim) + _earlier(of_tangent, dim)).mul_(pairs)
-        _later(of_points, dim).add_(of_step)
-        _earlier(of_points, dim).sub_(of_step)
-    return of_points
+        step_gradient = (_later(tangent_gradient, dim) + _earlier(tangent_gradient, dim)).mul_(pairs)
+        _later(point_gradient, dim).add_(step_gradient)
+        _earlier(point_gradient, dim).sub_(step_gradient)
+    return point_gradient
 
 
 def _tangent(points: Tensor, pairs: Tensor, dim: int) -> Tensor:
@@ -97,7 +97,7 @@ def _tangent(points: Tensor, pairs: Tensor, dim: int) -> Tensor:
 
 
 def _spread(steps: Tensor, dim: int) -> Tensor:
-    """What lies between two pixels, added to both."""
+    """Add each value between two pixels to both of them."""
     shape = list(steps.shape)
     shape[dim] += 1
     total = steps.new_zeros(shape)
@@ -128,7 +128,7 @@ def _earlier(values: Tensor, dim: int) -> Tensor:
 
 
 def _parts(batch: Tensor) -> Iterator[slice]:
-    """What is worked on at once."""
+    """Slices of a batch that are computed at once: one frame on CPUs, else all."""
     size = 1 if batch.device.type == "cpu" else len(batch)
     return (slice(start, start + size) for start in range(0, len(batch), max(size, 1)))
 

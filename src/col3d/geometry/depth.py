@@ -1,4 +1,4 @@
-"""From depth to points."""
+"""Convert depth to points."""
 
 from jaxtyping import Float
 from torch import Tensor
@@ -10,7 +10,7 @@ def points_from_depth(
     """Points in camera axes, in mm: ray / ray_z * depth.
 
     Args:
-        depth: along the optical axis, in mm.
+        depth: depth along the optical axis, in mm.
         rays: unit rays, one map for all frames or one for each.
 
     Returns:

@@ -1,4 +1,4 @@
-"""Kannala's and Brandt's fisheye, as OpenCV's `cv2.fisheye` and COLMAP's OPENCV_FISHEYE have it."""
+"""Kannala-Brandt fisheye, as OpenCV's `cv2.fisheye` and COLMAP's OPENCV_FISHEYE."""
 
 import math
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from col3d.geometry.camera import Matrix2, RadialCamera
 from col3d.geometry.inverse import inverse
 
 WIDEST = math.radians(179.0)
-"""Angles to the optical axis beyond this have no azimuth to speak of."""
+"""Largest angle to the optical axis; beyond it the azimuth is ill-defined."""
 NEGLIGIBLE = 1e-30
 Distortion = tuple[float, float, float, float]
 
@@ -22,7 +22,7 @@ class FisheyeCamera(RadialCamera):
     """A fisheye: the plane point of a direction at an angle t to the axis has the radius
     r(t) = t (1 + k1 t^2 + k2 t^4 + k3 t^6 + k4 t^8).
 
-    The lens reaches to the angle where r stops to grow. Pixels beyond that radius have no ray.
+    The lens reaches to the angle where r stops growing. Pixels beyond that radius have no ray.
 
     References:
         Kannala, Brandt: A Generic Camera Model and Calibration Method for Conventional, Wide-Angle, and
@@ -91,7 +91,7 @@ def _widest(distortion: Distortion) -> float:
 def first_root(coefficients: list[float]) -> float:
     """Least positive real root of a polynomial, its highest power first; infinity where there is none."""
     values = np.array(coefficients)
-    values[np.abs(values) < NEGLIGIBLE * np.abs(values).max()] = 0.0  # whose roots are beyond any number
+    values[np.abs(values) < NEGLIGIBLE * np.abs(values).max()] = 0.0  # their roots are beyond any number
     roots = np.roots(values)
     real = roots[np.abs(roots.imag) <= 1e-9 * np.abs(roots)].real
     return float(min(real[real > 0], default=math.inf))

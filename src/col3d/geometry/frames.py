@@ -1,4 +1,4 @@
-"""Vectors in the frame of a pixel's own viewing ray, and back in camera axes."""
+"""Convert vectors between camera axes and the frame of a pixel's viewing ray."""
 
 from jaxtyping import Float
 from torch import Tensor, stack
@@ -7,16 +7,16 @@ from torch import Tensor, stack
 def camera_from_ray(
     vectors: Float[Tensor, "b 3 h w"], rays: Float[Tensor, "*b 3 h w"]
 ) -> Float[Tensor, "b 3 h w"]:
-    """Turn vectors by the shortest rotation that takes the optical axis (0, 0, 1) onto each pixel's ray.
+    """Rotate vectors by the shortest rotation that takes the optical axis (0, 0, 1) onto each ray.
 
     With s = r_x v_x + r_y v_y and k = v_z - s / (1 + r_z): R v = (v_x + k r_x, v_y + k r_y, r_z v_z - s).
 
     Args:
-        vectors: in the frame of the ray: z along it, x and y as close to the camera's as can be.
+        vectors: vectors in the frame of the ray: z along it, x and y as close to the camera's as possible.
         rays: unit rays, one map for all frames or one for each; none may point straight back.
 
     Returns:
-        The vectors in camera axes, at the length they had.
+        The vectors in camera axes, of unchanged length.
     """
     return _turn(vectors, *rays.unbind(dim=-3))
 

@@ -1,4 +1,4 @@
-"""Inverse of a function that grows, by a table and Newton's method."""
+"""Inverse of an increasing function, by a table and Newton's method."""
 
 from collections.abc import Callable
 
@@ -11,16 +11,16 @@ Function = Callable[[Tensor], Tensor]
 
 
 def inverse(function: Function, slope: Function, limit: float, values: Tensor) -> Tensor:
-    """Solve function(x) = value for x in [0, limit], in float64; differentiable; NaN where nothing does.
+    """Solve function(x) = value for x in [0, limit], in float64; differentiable; NaN without a solution.
 
-    Newton's method keeps to the interval of a table that the root lies in, so that it converges up to the
-    very end, where the slope may be zero.
+    Newton's method stays in the table's interval that contains the root, so that it converges up to the
+    limit, where the slope may be zero.
 
     Args:
-        function: grows strictly from 0 to the limit, and is 0 at 0.
-        slope: its derivative.
-        limit: where it stops to grow.
-        values: any.
+        function: strictly increasing from 0 to the limit, and 0 at 0.
+        slope: derivative of the function.
+        limit: end of the interval, where the function stops growing.
+        values: values of the function, of any range.
     """
     values = values.double()
     with torch.no_grad():

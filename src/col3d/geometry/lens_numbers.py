@@ -1,4 +1,4 @@
-"""A camera from named numbers as OpenCV's world has them: a matrix or focal lengths, and distortion."""
+"""Build a camera from named numbers as in OpenCV: a matrix or focal lengths, and distortion."""
 
 import math
 from collections.abc import Mapping
@@ -37,7 +37,7 @@ ALIASES = {
     "model": ("cameramodel", "cameratype", "type", "lens"),
     "distortionmodel": ("distortiontype",),
 }
-"""Names of fields, and others that programs give them; letters and digits alone, in lower case."""
+"""Names of fields -> other programs' names of them, reduced to letters and digits in lower case."""
 NAMES = {other: name for name, others in ALIASES.items() for other in others}
 PERSPECTIVE = (
     *("pinhole", "perspective", "opencv", "fullopencv", "simplepinhole", "simpleradial", "radial", "linear"),
@@ -50,7 +50,7 @@ FISHEYE = (
     *("pinholeequidistant", "pinholefisheye"),
 )
 OTHER_LENSES = {"xi", "alpha", "beta", "s1", "s2", "s3", "s4", "taux", "tauy", "omega", "a0"}
-"""Fields of lenses that are not read, and must not be passed over."""
+"""Fields of unsupported lenses, which must not be ignored."""
 RADIAL, TANGENTIAL = ("k1", "k2", "k3", "k4", "k5", "k6"), ("p1", "p2")
 VECTORS = {
     4: ("k1", "k2", "p1", "p2"),
@@ -71,11 +71,11 @@ REMARKS = (
     "date",
     "depthscale",
 )
-"""Fields that say nothing of a lens."""
+"""Fields that are ignored: they do not describe a lens."""
 
 
 def camera_from_numbers(given: Mapping[str, Any]) -> Camera:
-    """A pinhole, a pinhole with distortion, or a fisheye, of the size (0, 0) where none is given.
+    """Build a pinhole, with or without distortion, or a fisheye; its size is (0, 0) if none is given.
 
     Pixel centres are at whole numbers.
 
@@ -115,16 +115,16 @@ def renamed(given: Mapping[str, Any]) -> dict[str, Any]:
     """The fields under the names that are used here.
 
     Raises:
-        ValueError: one comes twice.
+        ValueError: a field is given twice.
     """
-    found: dict[str, Any] = {}
+    fields: dict[str, Any] = {}
     for name, value in given.items():
         bare = "".join(letter for letter in str(name).lower() if letter.isalnum())
         field = NAMES.get(bare, bare)
-        if field in found:
+        if field in fields:
             raise ValueError(f"{name}: given twice, under this name and another")
-        found[field] = value
-    return found
+        fields[field] = value
+    return fields
 
 
 def _size(rest: dict[str, Any]) -> tuple[int, int]:
@@ -166,7 +166,7 @@ def _matrix(given: Any) -> tuple[float, float, float, float, float]:
     if isinstance(flat, list) and len(flat) == 4:
         fx, fy, cx, cy = numbers("K", flat, 4)
         return fx, fy, cx, cy, 0.0
-    if isinstance(flat, list) and len(flat) == 16:  # a row and a column more
+    if isinstance(flat, list) and len(flat) == 16:  # a 4 x 4 matrix
         if [flat[i] for i in (3, 7, 11, 12, 13, 14, 15)] != [0, 0, 0, 0, 0, 0, 1]:
             raise ValueError("K: expected three rows of three numbers, got four that move points")
         flat = [*flat[0:3], *flat[4:7], *flat[8:11]]
@@ -182,7 +182,7 @@ def _matrix(given: Any) -> tuple[float, float, float, float, float]:
 
 
 def _is_fisheye(rest: dict[str, Any]) -> bool | None:
-    """Which of the families of models; None where nothing says."""
+    """Whether the model is a fisheye; None where no field names a model."""
     given = [rest.pop(name) for name in ("model", "distortionmodel") if name in rest]
     if "isfisheye" in rest or "fisheyemodel" in rest:
         flag = rest.pop("isfisheye", None) or rest.pop("fisheyemodel", None)
@@ -198,19 +198,21 @@ def _is_fisheye(rest: dict[str, Any]) -> bool | None:
 
 
 def _distortion(rest: dict[str, Any], is_fisheye: bool | None) -> dict[str, float]:
-    """Numbers of distortion by their names."""
+    """Coefficients of distortion by their names."""
     named = {name: rest.pop(name) for name in (*RADIAL, *TANGENTIAL) if name in rest}
-    found = dict(zip(named, numbers(", ".join(named), list(named.values()), len(named)), strict=True))
+    coefficients = dict(zip(named, numbers(", ".join(named), list(named.values()), len(named)), strict=True))
     vector = flattened(rest.pop("d", None))
     if isinstance(vector, int | float):
         vector = [vector]
     if vector:
         if named:
             raise ValueError(f"{', '.join(named)}: given twice, in a vector of distortion as well")
-        found = _from_vector(vector, is_fisheye)
-    if is_fisheye and (wrong := [name for name in found if name not in RADIAL[:4] and found[name]]):
+        coefficients = _from_vector(vector, is_fisheye)
+    if is_fisheye and (
+        wrong := [name for name in coefficients if name not in RADIAL[:4] and coefficients[name]]
+    ):
         raise ValueError(f"{', '.join(wrong)}: a fisheye has k1 to k4 alone; {HOW_TO}")
-    return found
+    return coefficients
 
 
 def _from_vector(vector: Any, is_fisheye: bool | None) -> dict[str, float]:
@@ -236,7 +238,7 @@ def _from_vector(vector: Any, is_fisheye: bool | None) -> dict[str, float]:
 
 
 def half_pixel(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Numbers of a program that has the centre of the top left pixel at (0.5, 0.5), as they are here.
+    """Convert cx and cy of a program that has the centre of the top left pixel at (0.5, 0.5).
 
     Raises:
         ValueError: there is no centre.

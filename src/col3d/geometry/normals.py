@@ -13,14 +13,14 @@ DIFFERENCES = ("central", "forward")
 
 
 def unit(vectors: Float[Tensor, "*b 3 h w"]) -> Float[Tensor, "*b 3 h w"]:
-    """Vectors at unit length; the zero vector (and its gradient) stays zero, NaN stays NaN."""
+    """Normalise vectors to unit length; the zero vector (and its gradient) stays zero, NaN stays NaN."""
     squared = vectors.square().sum(dim=-3, keepdim=True)
     zero = squared <= TINY
     return torch.where(zero, 0.0, vectors * torch.where(zero, 1.0, squared).rsqrt())
 
 
 def unit_in_place(vectors: Float[Tensor, "3 h w"]) -> Float[Tensor, "3 h w"]:
-    """The same for vectors without a gradient, which are overwritten: several times as fast."""
+    """Normalise vectors without a gradient in place, several times as fast as `unit`."""
     squared = vectors[0].square().addcmul_(vectors[1], vectors[1]).addcmul_(vectors[2], vectors[2])
     return vectors.mul_(squared.clamp_min_(TINY).rsqrt_())
 
@@ -37,16 +37,16 @@ def normals_from_depth(
     beside a masked pixel or the border. Computed in float32 at least, whatever the autocast.
 
     Forward differences are those of the Col3D-MTL paper: Z_u = Z(u + 1) - Z(u), and P_u = Z_u r + Z r_u with
-    the ray r at depth 1. They know nothing of the last row and column, and put the normal half a pixel off.
+    the ray r at depth 1. They are undefined in the last row and column, and shift the normal by half a pixel.
 
     Args:
-        depth: along the optical axis, in mm; masked values may be anything, NaN included.
+        depth: depth along the optical axis, in mm; masked values may be anything, NaN included.
         rays: unit rays of the camera that took the frame, one map for all frames or one for each.
         mask: True where depth is known; everywhere when absent.
         differences: "central" or "forward".
 
     Raises:
-        ValueError: the differences are neither.
+        ValueError: `differences` is neither.
 
     Returns:
         Normals with n . ray < 0; the zero vector where the mask is False or no neighbour is known in a row
@@ -74,7 +74,7 @@ def normals_from_depth(
 
 
 def _forward(depth: Tensor, at_one: Tensor, known: Tensor, dim: int) -> tuple[Tensor, Tensor]:
-    """Forward differences of depth and ray by the product rule; whether there is a pixel to differ from."""
+    """Forward differences of points by the product rule, and the pixels that have a next pixel."""
     has = known & torch.cat([known.narrow(dim, 1, known.shape[dim] - 1), _last(known, dim) & False], dim)
     slope = torch.cat([depth.diff(dim=dim), torch.zeros_like(_last(depth, dim))], dim)
     turn = torch.cat([at_one.diff(dim=dim), torch.zeros_like(_last(at_one, dim))], dim)

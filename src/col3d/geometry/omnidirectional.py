@@ -1,4 +1,4 @@
-"""Scaramuzza's omnidirectional camera, and what the numbers of its calibrations mean."""
+"""Scaramuzza's omnidirectional camera, and the meaning of its calibrations' numbers."""
 
 import math
 from dataclasses import dataclass, replace
@@ -12,7 +12,7 @@ NEWTON_STEPS = 12
 BY_COLUMNS, BY_ROWS = "[[c, e], [d, 1]]", "[[c, d], [e, 1]]"
 """How the numbers c, d, e of an omnidirectional calibration fill its stretch matrix S: programs differ."""
 BEYOND_CORNERS = 1.15
-"""Largest radius of a calibration that names none, as a multiple of that of the farthest corner."""
+"""Default largest radius of a calibration, as a multiple of that of the farthest corner."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class OmnidirectionalCamera(RadialCamera):
             centre: (cx, cy), with (0, 0) the centre of the top left pixel.
             polynomial: a0 to a4, with a0 positive (z forward).
             stretch: S; `stretch_matrix` fills it from c, d, e.
-            max_radius: that it covers; a little beyond the farthest corner when absent.
+            max_radius: largest radius that it covers; a little beyond the farthest corner when absent.
         """
         height, width = size_hw
         corners = [math.dist(centre, (u, v)) for u in (0, width - 1) for v in (0, height - 1)]
@@ -56,7 +56,7 @@ class OmnidirectionalCamera(RadialCamera):
         """The Olympus CF-HQ190L of C3VD at 1080 x 1350; its rays reach 73 degrees off the axis.
 
         The stretch matrix is that of the program which rendered the data set's truth. The data set's example
-        loader transposes it, which turns rays by 0.2 degrees and contradicts its depth (`docs/errata.md`).
+        loader transposes it, which rotates rays by 0.2 degrees and contradicts its depth (`docs/errata.md`).
 
         References:
             DurrLab/C3VD on GitHub: `render/Intrinsics.h`, `render/Render.cu`.
@@ -93,9 +93,9 @@ class OmnidirectionalCamera(RadialCamera):
         )
 
     def stretch_forms(self) -> dict[str, "OmnidirectionalCamera"]:
-        """This lens, read as S = [[c, e], [d, 1]]; with the transpose of S; and with S taken as 1.
+        """This lens, read as S = [[c, e], [d, 1]]; with the transpose of S; and with S as the identity.
 
-        What a calibration's c, d, e mean can be told by measuring with all three, on images of its own size.
+        Measurements with all three, on images of its own size, show what a calibration's c, d, e mean.
         """
         (s00, s01), (s10, s11) = self.stretch
         others = {BY_ROWS: ((s00, s10), (s01, s11)), "identity": ((1.0, 0.0), (0.0, 1.0))}
@@ -109,8 +109,8 @@ class OmnidirectionalCamera(RadialCamera):
     def plane_radius(self, across: Tensor, along: Tensor) -> Tensor:
         """Root of across * g(r) = along * r, by Newton's method from the rim inwards, in double precision.
 
-        The function is concave and falls, so that the steps come down to the root from above. The last step
-        alone is differentiated, which gives the exact derivative of the root.
+        The function is concave and decreasing, so that the steps approach the root from above. Only the last
+        step is differentiated, which gives the exact derivative of the root.
         """
         wide_across, wide_along = across.double(), along.double()
         with torch.no_grad():

@@ -15,9 +15,9 @@ from col3d.geometry.inverse import inverse
 
 STEPS = 12
 MISSES = 1e-9
-"""Distance in the plane by which a distorted point may miss the one that was asked for."""
+"""Largest distance in the plane between a distorted point and the requested one."""
 FARTHEST = 1000.0
-"""Tangent of the widest angle to the optical axis, where no distortion folds."""
+"""Tangent of the widest angle to the optical axis, where the distortion does not fold before."""
 Radial = tuple[float, float, float, float, float, float]
 
 
@@ -28,8 +28,8 @@ class RadialTangentialCamera(Camera):
     R = (1 + k1 s + k2 s^2 + k3 s^3) / (1 + k4 s + k5 s^2 + k6 s^3),
     x' = x R + 2 p1 x y + p2 (s + 2 x^2) and y' = y R + p1 (s + 2 y^2) + 2 p2 x y.
 
-    The model holds up to the radius where it folds: where points farther out come back inwards. Directions
-    beyond have no pixel, and pixels beyond no ray.
+    The model is valid up to the radius where it folds: where points farther out are mapped inwards again.
+    Directions beyond have no pixel, and pixels beyond no ray.
 
     References:
         Brown: Decentering Distortion of Lenses, Photogrammetric Engineering 32(3), 1966; with the rational
@@ -37,7 +37,7 @@ class RadialTangentialCamera(Camera):
     """
 
     radial: Radial
-    """k1, k2, k3 above and k4, k5, k6 below the line. The order of OpenCV's vectors is another."""
+    """k1, k2, k3 of the numerator and k4, k5, k6 of the denominator; OpenCV's vectors have another order."""
     tangential: tuple[float, float]
     """p1 and p2."""
 
@@ -79,7 +79,7 @@ class RadialTangentialCamera(Camera):
                 x, y = x - right, y - down
                 if float(torch.maximum(right.abs(), down.abs()).nan_to_num(0.0).sum()) == 0:
                     break
-        right, down = self._newton_step(x, y, wide)  # which is differentiated, and gives the exact derivative
+        right, down = self._newton_step(x, y, wide)  # differentiated, for the exact derivative
         point = torch.stack([x - right, y - down, torch.ones_like(x)], dim=-1)
         missed = (self._distorted(point[..., 0], point[..., 1]) - wide).norm(dim=-1)
         holds = self._holds(point[..., 0], point[..., 1]) & (missed < MISSES)
@@ -93,17 +93,17 @@ class RadialTangentialCamera(Camera):
         x, y = (
             torch.where(holds, x, 0.0),
             torch.where(holds, y, 0.0),
-        )  # all have a gradient
+        )  # so that all have a gradient
         return torch.where(holds[..., None], self._distorted(x, y), torch.nan)
 
     def _turned(self, turn: Matrix2) -> "RadialTangentialCamera":
-        """Tangential distortion is 2 p (t . p) + |p|^2 t with t = (p2, p1), so that t turns as points do."""
+        """Tangential distortion is 2 p (t . p) + |p|^2 t with t = (p2, p1), so t rotates as points do."""
         p1, p2 = self.tangential
         (a, b), (c, d) = turn
         return replace(self, tangential=(c * p2 + d * p1, a * p2 + b * p1))
 
     def _holds(self, x: Tensor, y: Tensor) -> Tensor:
-        """Where the model is one to one: before the fold, and turning nothing inside out."""
+        """Where the model is one to one: before the fold, and with a positive determinant."""
         across, off, down = self._derivatives(x, y)
         return ((x.square() + y.square()).sqrt() < self.widest_tangent) & (across * down > off.square())
 
@@ -158,7 +158,7 @@ class RadialTangentialCamera(Camera):
 
 @lru_cache(maxsize=64)
 def _fold(radial: Radial) -> float:
-    """Radius at which r R(r^2) stops to grow, or its denominator vanishes."""
+    """Radius at which r R(r^2) stops growing, or its denominator vanishes."""
     k1, k2, k3, k4, k5, k6 = radial
     above, below = np.poly1d([k3, k2, k1, 1.0]), np.poly1d([k6, k5, k4, 1.0])
     s = np.poly1d([1.0, 0.0])

@@ -1,1 +1,1 @@
-"""Blocks that two networks or more are built from."""
+"""Blocks shared by two or more networks."""

@@ -1,4 +1,4 @@
-"""From the encoder's deepest maps to one map at 1/8 of the image: the trunk that all decoders share."""
+"""Trunk shared by all decoders: from the encoder's deepest maps to one map at 1/8 of the image."""
 
 from collections.abc import Sequence
 
@@ -37,9 +37,9 @@ class AtrousBranch(nn.Module):
 
 
 class DenseASPP(nn.Module):
-    """Atrous branches, each of which also sees what the earlier ones found.
+    """Atrous branches, each of which also sees the outputs of the earlier ones.
 
-    The first branch takes the fused map (F/2); every later one takes what that map was fused from and the
+    The first branch takes the fused map (F/2); every later one takes the maps that it was fused from and the
     outputs of all earlier branches. The fused map and all outputs end in a 3x3 convolution to F/4.
 
     References:
@@ -59,11 +59,11 @@ class DenseASPP(nn.Module):
     def forward(
         self, fused: Float[Tensor, "b _ h w"], concat: Float[Tensor, "b _ h w"]
     ) -> Float[Tensor, "b _ h w"]:
-        """The fused map and what it was fused from -> F/4 channels with context of every rate."""
-        found = [self.branches[0](fused)]
+        """The fused map and the maps it was fused from -> F/4 channels with context of every rate."""
+        outputs = [self.branches[0](fused)]
         for branch in list(self.branches)[1:]:
-            found.append(branch(torch.cat([concat, *found], dim=1)))
-        context: Tensor = self.fuse(torch.cat([fused, *found], dim=1))
+            outputs.append(branch(torch.cat([concat, *outputs], dim=1)))
+        context: Tensor = self.fuse(torch.cat([fused, *outputs], dim=1))
         return context
 
 

@@ -1,4 +1,4 @@
-"""Convolutional block attention: which channels count, then where."""
+"""Convolutional block attention module (CBAM): channel attention, then spatial attention."""
 
 import torch
 from jaxtyping import Float
@@ -10,7 +10,7 @@ class ChannelAttention(nn.Module):
 
     Args:
         channels: channels of the map.
-        ratio: how many times fewer channels the hidden layer has (at least one is kept).
+        ratio: reduction of channels in the hidden layer (at least one is kept).
     """
 
     def __init__(self, channels: int, ratio: int = 16) -> None:
@@ -52,6 +52,6 @@ class CBAM(nn.Module):
         self.spatial = SpatialAttention()
 
     def forward(self, x: Float[Tensor, "b c h w"]) -> Float[Tensor, "b c h w"]:
-        """A map -> the same map, attended."""
+        """A map -> the map times both attentions."""
         x = x * self.channel(x)
         return x * self.spatial(x)

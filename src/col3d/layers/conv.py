@@ -33,17 +33,17 @@ class UpConv(nn.Module):
 
 
 class FuseELU(nn.Sequential):
-    """A 3x3 convolution without bias of several maps beside one another, then ELU.
+    """A 3x3 convolution without bias over several maps, as if concatenated, then ELU.
 
-    The maps are not put together: the convolution of a concatenation is the sum of convolutions of its parts,
-    each with its share of the weights. What is not copied is not stored for the gradient a second time.
+    The maps are not concatenated: the convolution of a concatenation is the sum of convolutions of its parts,
+    each with its share of the weights. So no copy of the maps is stored for the gradient.
     """
 
     def __init__(self, in_channels: int, out_channels: int) -> None:
         super().__init__(nn.Conv2d(in_channels, out_channels, 3, padding=1, bias=False))
 
     def forward(self, *maps: Float[Tensor, "b _ h w"]) -> Float[Tensor, "b _ h w"]:
-        """Maps of the same size, one without channels among them perhaps -> the fused one."""
+        """Maps of the same size, possibly one without channels -> the fused map."""
         weights = self.get_parameter("0.weight").split([x.shape[1] for x in maps], dim=1)
         parts = [(x, share) for x, share in zip(maps, weights, strict=True) if x.shape[1]]
         first, *others = (

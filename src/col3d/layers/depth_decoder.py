@@ -1,4 +1,4 @@
-"""The decoder of BTS: from the trunk at 1/8 to depth at full size, guided by local planes on the way."""
+"""The depth decoder of BTS: from the trunk at 1/8 to full size, guided by local planes."""
 
 from collections.abc import Callable, Sequence
 
@@ -24,14 +24,14 @@ class FinestDepth(nn.Module):
 
 
 class DepthDecoder(nn.Module):
-    """Planes at 1/8, 1/4 and 1/2 guide the way up to full size; all of them meet in the last convolution.
+    """Planes at 1/8, 1/4 and 1/2 guide the decoder; all of them enter the last convolution.
 
     Args:
         channels: the encoder's channels at /2, /4, /8, /16 and /32; the first two are skip connections.
         width: F; 512 is published.
         max_depth: upper bound of the depth in mm.
-        attention: makes the block that attends to a map of so many channels; none by default.
-        finest: makes the block that estimates depth from so many channels at full size.
+        attention: makes the attention block for a number of channels; none by default.
+        finest: makes the block that estimates depth at full size from a number of channels.
     """
 
     def __init__(

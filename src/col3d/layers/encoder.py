@@ -1,4 +1,4 @@
-"""Any timm encoder that offers five scales, behind one interface."""
+"""Encoder: any timm model that offers five scales, behind one interface."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -13,7 +13,7 @@ from col3d.layers.weight_file import check_archive, check_finite, check_fraction
 
 SCALES = (2, 4, 8, 16, 32)
 PROBE_HW = (64, 96)
-"""Size of the image that an encoder is tried with."""
+"""Size of the image that an encoder is tested with."""
 
 
 class Encoder(nn.Module):
@@ -26,10 +26,10 @@ class Encoder(nn.Module):
         pretrained: None for random weights, "imagenet" to fetch timm's, or the path of a local weight file.
 
     Attributes:
-        channels: of the five maps, the largest map first.
+        channels: channels of the five maps, the largest map first.
 
     Raises:
-        ValueError: the model is unknown or lacks a scale, or its weights cannot be had.
+        ValueError: the model is unknown or lacks a scale, or its weights are not available.
     """
 
     def __init__(self, name: str, pretrained: str | None = None) -> None:
@@ -44,10 +44,10 @@ class Encoder(nn.Module):
 
     @torch.no_grad()
     def _probe(self, name: str) -> None:
-        """Refuse a model that takes one size alone, or whose maps are not those it says."""
+        """Refuse a model that takes only one size, or whose maps differ from its description."""
         image = torch.zeros(1, 3, *PROBE_HW, device=next(self.net.parameters()).device)
         try:
-            found = [tuple(x.shape[1:]) for x in self.net.eval()(image)]
+            shapes = [tuple(x.shape[1:]) for x in self.net.eval()(image)]
         except Exception as error:
             raise ValueError(
                 _no_scales(name, f"an image of 64 x 96 stops it: {error}".splitlines()[0])
@@ -55,8 +55,8 @@ class Encoder(nn.Module):
         finally:
             self.net.train()
         wanted = [(c, PROBE_HW[0] // s, PROBE_HW[1] // s) for c, s in zip(self.channels, SCALES, strict=True)]
-        if [found[i] for i in self.indices] != wanted:
-            sizes = ", ".join(f"{h} x {w}" for _, h, w in found)
+        if [shapes[i] for i in self.indices] != wanted:
+            sizes = ", ".join(f"{h} x {w}" for _, h, w in shapes)
             raise OptionError(_no_scales(name, f"for an image of 64 x 96 it has maps of {sizes}"))
 
     def forward(self, image: Float[Tensor, "b 3 h w"]) -> list[Float[Tensor, "b _ _ _"]]:
@@ -91,8 +91,8 @@ def _five_scales(name: str, reductions: list[int]) -> list[int]:
     return [reductions.index(scale) for scale in SCALES]
 
 
-def _no_scales(name: str, what: str) -> str:
-    return f"model.encoder: {name!r} must offer maps at /2, /4, /8, /16 and /32 (ResNets do), but {what}"
+def _no_scales(name: str, reason: str) -> str:
+    return f"model.encoder: {name!r} must offer maps at /2, /4, /8, /16 and /32 (ResNets do), but {reason}"
 
 
 def load_encoder_weights(net: nn.Module, path: Path) -> None:
@@ -105,7 +105,7 @@ def load_encoder_weights(net: nn.Module, path: Path) -> None:
     Raises:
         ValueError: there is no such file, or weights are missing from it.
     """
-    # timm joins the first levels of some names with "_" when it makes an encoder of a classifier.
+    # timm joins the first levels of some names with "_" when it turns a classifier into an encoder.
     read = read_encoder_weights(path)
     plain = {name.replace(".", "_"): value for name, value in read.items()}
     given = {
@@ -117,7 +117,7 @@ def load_encoder_weights(net: nn.Module, path: Path) -> None:
 
 
 def refuse_more_blocks(used: Sequence[str], unused: Sequence[str], source: str) -> None:
-    """Refuse weights of a larger model of the same family: stages in them have blocks that this one lacks.
+    """Refuse weights of a larger model of the same family, whose stages have more blocks.
 
     Raises:
         ValueError: names the first such weight.
@@ -141,7 +141,7 @@ def refuse_more_blocks(used: Sequence[str], unused: Sequence[str], source: str) 
 
 
 def read_encoder_weights(path: Path) -> Mapping[Any, Any]:
-    """Names to tensors of a weight file.
+    """Read names and tensors from a weight file.
 
     Raises:
         ValueError: there is no such file, or it cannot be read as weights.
@@ -157,21 +157,21 @@ def read_encoder_weights(path: Path) -> Mapping[Any, Any]:
     except ValueError as error:
         raise OptionError(f"model.pretrained: {error}") from None
     try:
-        found: Mapping[Any, Any] = load_state_dict(str(path), weights_only=True)
+        weights: Mapping[Any, Any] = load_state_dict(str(path), weights_only=True)
     except Exception as error:
         raise OptionError(
             f"model.pretrained: {str(path)!r} cannot be read as weights ({type(error).__name__})"
         ) from error
-    if any(str(name).startswith("network.") for name in found):
+    if any(str(name).startswith("network.") for name in weights):
         raise OptionError(
             f"model.pretrained: {path} is a checkpoint of train.py, not weights of an encoder; begin from it "
             "with init.checkpoint"
         )
-    return found
+    return weights
 
 
 def fill_encoder(net: nn.Module, wanted: Mapping[str, Tensor], given: Mapping[str, Any], source: str) -> None:
-    """Load what is wanted of the given weights.
+    """Load the wanted weights from the given ones.
 
     Raises:
         ValueError: weights are missing or have other shapes; names the source.

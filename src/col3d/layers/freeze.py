@@ -1,4 +1,4 @@
-"""Which parts of an encoder do not learn."""
+"""Freeze and unfreeze parts of an encoder."""
 
 from collections.abc import Callable, Iterable
 
@@ -7,7 +7,7 @@ from torch import nn
 from col3d.errors import OptionError, check_known
 
 
-def _keep(*modules: nn.Module) -> None:
+def _freeze_modules(*modules: nn.Module) -> None:
     for module in modules:
         module.requires_grad_(False)
 
@@ -20,7 +20,7 @@ def _first_conv(encoder: nn.Module) -> None:
     conv = next((m for m in encoder.modules() if isinstance(m, nn.Conv2d)), None)
     if conv is None:
         raise OptionError("model.freeze: first_conv finds no convolution in the encoder")
-    _keep(conv)
+    _freeze_modules(conv)
 
 
 def _statistics(encoder: nn.Module) -> None:
@@ -31,21 +31,21 @@ def _statistics(encoder: nn.Module) -> None:
 
 POLICIES: dict[str, Callable[[nn.Module], None]] = {
     "first_conv": _first_conv,
-    "batch_norm": lambda encoder: _keep(*_batch_norms(encoder)),
+    "batch_norm": lambda encoder: _freeze_modules(*_batch_norms(encoder)),
     "batch_norm_statistics": _statistics,
-    "encoder": _keep,
+    "encoder": _freeze_modules,
 }
 """* `first_conv`: the first convolution.
 * `batch_norm`: scales and offsets of the batch norms; their statistics are still those of each batch.
-* `batch_norm_statistics`: those too: the batch norms become fixed affine maps.
+* `batch_norm_statistics`: also the statistics: the batch norms become fixed affine maps.
 * `encoder`: every parameter."""
 
 
 def freeze(network: nn.Module, policies: Iterable[str]) -> None:
-    """Keep parts of a network's encoder as they are, in place.
+    """Freeze parts of a network's encoder, in place.
 
     Raises:
-        OptionError: a policy is unknown, or finds nothing to keep; the network has no encoder.
+        OptionError: a policy is unknown or finds nothing to freeze, or the network has no encoder.
     """
     policies = list(policies)
     encoder = getattr(network, "encoder", None)
@@ -54,7 +54,8 @@ def freeze(network: nn.Module, policies: Iterable[str]) -> None:
             f"model.freeze: {type(network).__name__} has no module `encoder`, of which parts could be kept"
         )
     encoder = encoder if isinstance(encoder, nn.Module) else nn.Identity()
-    has_batch_norms = bool(_batch_norms(encoder))  # before statistics, kept, make other layers of them
+    # Counted before `batch_norm_statistics` replaces them by other layers.
+    has_batch_norms = bool(_batch_norms(encoder))
     for policy in policies:
         known = POLICIES[check_known("model.freeze", policy, POLICIES)]
         if policy.startswith("batch_norm") and not has_batch_norms:
@@ -63,16 +64,16 @@ def freeze(network: nn.Module, policies: Iterable[str]) -> None:
 
 
 def thaw(network: nn.Module, policies: Iterable[str]) -> None:
-    """Let an encoder learn again that was kept as a whole, but for parts that other policies keep."""
+    """Unfreeze an encoder, except for the parts that other policies freeze."""
     network.get_submodule("encoder").requires_grad_(True)
     freeze(network, [policy for policy in policies if policy != "encoder"])
 
 
 def check_learns(network: nn.Module) -> None:
-    """Refuse a network without a parameter that learns.
+    """Refuse a network without a trainable parameter.
 
     Raises:
-        OptionError: says whether it has none, or all are kept.
+        OptionError: says whether it has no parameters, or all are frozen.
     """
     parameters = list(network.parameters())
     if not any(parameter.requires_grad for parameter in parameters):

@@ -1,4 +1,4 @@
-"""What every network does around its layers: normalise, pad, estimate depth, add normals, crop."""
+"""Base of networks: normalise, pad, estimate depth, add normals, crop."""
 
 import itertools
 from abc import ABC, abstractmethod
@@ -16,22 +16,22 @@ IMAGENET_STD = (0.229, 0.224, 0.225)
 
 
 def predicts(network: nn.Module, otherwise: tuple[str, ...] = ("depth",)) -> tuple[str, ...]:
-    """What a network predicts: its `tasks`, where it says so."""
+    """Tasks that a network predicts: its `tasks`, or a default where it has none."""
     return tuple(getattr(network, "tasks", otherwise))
 
 
 def measured_tasks(network: nn.Module) -> tuple[str, ...]:
-    """What is measured of a network: depth, and normals where it says that it predicts them."""
+    """Tasks that are measured for a network: depth, and normals if it predicts them."""
     return ("depth", "normals") if "normals" in predicts(network) else ("depth",)
 
 
 def needs_rays(network: nn.Module) -> bool:
-    """Whether a network cannot predict without the camera's rays: its `needs_rays`, where it says so."""
+    """Whether a network needs the camera's rays: its `needs_rays`, or False where it has none."""
     return bool(getattr(network, "needs_rays", False))
 
 
 def device_of(network: nn.Module) -> torch.device:
-    """Where its parameters are, or its buffers; the CPU for a network without any."""
+    """Device of a network's parameters or buffers; the CPU for a network without any."""
     values = next(itertools.chain(network.parameters(), network.buffers()), None)
     return torch.device("cpu") if values is None else values.device
 
@@ -42,10 +42,10 @@ class DepthNetwork(nn.Module, ABC):
     Subclasses estimate depth and offer `Features` to that decoder.
 
     Attributes:
-        feature_channels: of the maps at 1/2, 1/4 and 1/8 that subclasses offer.
-        memory_format: of images, and of weights where `col3d.models.create` makes the network.
-        multiple: what the sides of the padded image are a multiple of, in pixels.
-        normal_decoder: None, or what turns those maps into normals.
+        feature_channels: channels of the maps at 1/2, 1/4 and 1/8 that subclasses offer.
+        memory_format: memory format of images, and of weights where `col3d.models.create` makes the network.
+        multiple: the sides of the padded image are multiples of this, in pixels.
+        normal_decoder: the decoder of those maps to normals, or None.
         skipped_names: tensors of a published state dict that were left out; see `col3d.models.published`.
     """
 
@@ -65,7 +65,7 @@ class DepthNetwork(nn.Module, ABC):
 
     @property
     def tasks(self) -> tuple[str, ...]:
-        """What is predicted: "depth", and "normals" where there is a decoder for them."""
+        """Tasks that are predicted: "depth", and "normals" where there is a decoder for them."""
         return ("depth",) if self.normal_decoder is None else ("depth", "normals")
 
     @property
@@ -92,7 +92,7 @@ class DepthNetwork(nn.Module, ABC):
     def forward(
         self, image: Float[Tensor, "b 3 h w"], rays: Float[Tensor, "*b 3 h w"] | None = None
     ) -> Prediction:
-        """RGB in [0, 1] -> what is predicted at each of its pixels.
+        """RGB in [0, 1] -> the prediction at each of its pixels.
 
         Args:
             image: frames of any size.
@@ -107,7 +107,7 @@ class DepthNetwork(nn.Module, ABC):
     def forward_normalised(
         self, x: Float[Tensor, "b 3 h w"], rays: Float[Tensor, "*b 3 h w"] | None = None
     ) -> Prediction:
-        """The same for an image from which ImageNet's mean is taken, over its standard deviation."""
+        """The prediction for an image that is normalised by ImageNet's mean and standard deviation."""
         if self.needs_rays and rays is None:
             raise ValueError("rays: normals in the frame of the ray need the rays of the camera")
         if rays is not None and rays.shape[-2:] != x.shape[-2:]:
@@ -126,7 +126,7 @@ class DepthNetwork(nn.Module, ABC):
         return cropped
 
     def _whole(self, length: int) -> int:
-        """The side of the padded image; in a form that an exporter sees to be a multiple."""
+        """Side of the padded image, in a form that an exporter recognises as a multiple."""
         return (length + self.multiple - 1) // self.multiple * self.multiple
 
     def predict(
@@ -140,4 +140,4 @@ class DepthNetwork(nn.Module, ABC):
 
     @abstractmethod
     def estimate(self, x: Float[Tensor, "b 3 h w"]) -> tuple[Float[Tensor, "b 1 h w"], Features]:
-        """Depth in mm for such an image, and the maps that it offers."""
+        """Depth in mm for such an image, and the features for other decoders."""

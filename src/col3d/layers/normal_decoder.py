@@ -15,11 +15,11 @@ from col3d.layers.conv import FuseELU, UpConv, UpFuse, init_xavier
 from col3d.layers.planar import Reduction, sphere_normals, spherical
 
 LEAST_FACING = 1e-3
-"""Smallest share of a normal along minus its ray, beside the length across: 89.94 degrees at the most."""
+"""Least ratio of a normal's part along minus its ray to its part across: at most 89.94 degrees off."""
 
 
 class Features(NamedTuple):
-    """What a depth network offers to a second decoder; a map that it lacks has no channels."""
+    """Features of a depth network for a second decoder; a map that it lacks has no channels."""
 
     at2: Float[Tensor, "b _ h2 w2"]
     at4: Float[Tensor, "b _ h4 w4"]
@@ -28,14 +28,14 @@ class Features(NamedTuple):
 
 @dataclass(frozen=True)
 class NormalFrame:
-    """How channels become unit normals in camera axes; every function takes the rays at its scale besides."""
+    """Conversion of channels to unit normals in camera axes; each function also takes rays at its scale."""
 
     of_cell: Callable[[Tensor, Tensor | None], Tensor]
     """Two channels in (0, 1), polar angle and azimuth -> unit normals of cells."""
-    told: Callable[[Tensor, Tensor | None], Tensor]
-    """Unit normals -> the components that the next convolutions are told."""
+    as_input: Callable[[Tensor, Tensor | None], Tensor]
+    """Unit normals -> the components that the next convolutions take as input."""
     of_pixel: Callable[[Tensor, Tensor | None], Tensor]
-    """Three components without bounds -> unit normals of pixels."""
+    """Three unbounded components -> unit normals of pixels."""
     needs_rays: bool = False
 
 
@@ -71,12 +71,12 @@ NORMAL_FRAMES = {
 
 
 class UnitNormal(nn.Module):
-    """Features -> one unit normal per cell: the unit normal computation (UNC) block, before it is repeated.
+    """Unit normal computation (UNC): features -> one unit normal per cell, before it is repeated.
 
     Args:
         in_channels: channels that come in.
         first: channels after the first convolution of the reduction.
-        frame: what the two angles are measured from.
+        frame: frame in which the two angles are measured.
 
     References:
         Chavarrias Solano et al., Multi-task learning with cross-task consistency for improved depth
@@ -98,12 +98,12 @@ class UnitNormal(nn.Module):
 
 
 class NormalDecoder(nn.Module):
-    """Unit normals at 1/8, 1/4, 1/2 and full size meet, axis by axis, in the last convolutions.
+    """Unit normals at 1/8, 1/4, 1/2 and full size enter, axis by axis, the last convolutions.
 
     Args:
-        channels: of the maps at 1/2, 1/4 and 1/8; 0 where the network has no such map.
+        channels: channels of the maps at 1/2, 1/4 and 1/8; 0 where the network has no such map.
         width: F; 512 is published.
-        frame: how channels become normals.
+        frame: conversion of channels to normals.
         bias: whether the last convolutions have biases; they then start near the normal (0, 0, -1).
     """
 
@@ -136,21 +136,21 @@ class NormalDecoder(nn.Module):
         at2, at4, x = features
         scale = {k: rays if rays is None else shrink_rays(rays, k) for k in (1, 2, 4, 8)}
         coarse8 = self.normal8(x, scale[8])
-        x = self.up4(x, at4, self._told(coarse8, 2, scale[4]))
+        x = self.up4(x, at4, self._as_input(coarse8, 2, scale[4]))
         coarse4 = self.normal4(x, scale[4])
-        x = self.up2(x, at2, self._told(coarse4, 2, scale[2]))
+        x = self.up2(x, at2, self._as_input(coarse4, 2, scale[2]))
         coarse2 = self.normal2(x, scale[2])
         x = self.up1(x)
-        found = [(self.normal1(x, rays), 1), (coarse2, 2), (coarse4, 4), (coarse8, 8)]
-        return self.finish(x, [self._told(normals, factor, rays) for normals, factor in found], rays)
+        scales = [(self.normal1(x, rays), 1), (coarse2, 2), (coarse4, 4), (coarse8, 8)]
+        return self.finish(x, [self._as_input(normals, factor, rays) for normals, factor in scales], rays)
 
     def finish(self, x: Tensor, scales: list[Tensor], rays: Tensor | None) -> Tensor:
         """Features and the normals of every scale, all at full size -> unit normals."""
         raw = [self._axis(axis, x, [s[:, i : i + 1] for s in scales]) for i, axis in enumerate("xyz")]
         return self.frame.of_pixel(torch.cat(raw, dim=1), rays)
 
-    def _told(self, normals: Tensor, factor: int, rays: Tensor | None) -> Tensor:
-        return self.frame.told(enlarge(normals, factor), rays)
+    def _as_input(self, normals: Tensor, factor: int, rays: Tensor | None) -> Tensor:
+        return self.frame.as_input(enlarge(normals, factor), rays)
 
     def _axis(self, axis: str, x: Tensor, components: list[Tensor]) -> Tensor:
         fused = self.fuse[axis](x, torch.cat(components, dim=1))
@@ -160,7 +160,7 @@ class NormalDecoder(nn.Module):
 
 
 def enlarge(x: Float[Tensor, "b c h w"], factor: int) -> Float[Tensor, "b c {factor}*h {factor}*w"]:
-    """Every value repeated over a `factor` x `factor` patch."""
+    """Nearest up-sampling: every value repeated over a `factor` x `factor` patch."""
     return x if factor == 1 else nn.functional.interpolate(x, scale_factor=factor, mode="nearest")
 
 

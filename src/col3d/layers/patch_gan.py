@@ -1,4 +1,4 @@
-"""The discriminator of pix2pix, and the random weights that adversarial networks start from."""
+"""PatchGAN, the discriminator of pix2pix, and the weight initialisation of adversarial networks."""
 
 from jaxtyping import Float
 from torch import Tensor, nn
@@ -9,7 +9,7 @@ STD = 0.02
 
 
 def init_normal(module: nn.Module) -> None:
-    """Weights of convolutions from N(0, 0.02), of batch norms from N(1, 0.02); biases zero.
+    """Draw weights of convolutions from N(0, 0.02), of batch norms from N(1, 0.02); biases zero.
 
     References:
         Isola et al., Image-to-Image Translation with Conditional Adversarial Networks, CVPR 2017,
@@ -30,14 +30,14 @@ def halve(in_channels: int, out_channels: int, norm: bool = True, bias: bool = F
 
 
 class PatchGAN(nn.Module):
-    """Whether each patch of 70 x 70 pixels, of image and depth together, is real.
+    """Classifies each patch of 70 x 70 pixels, of image and depth together, as real or not.
 
     Three 4x4 convolutions of stride 2 and two of stride 1, with 64, 128, 256, 512 and 1 channels at the
     published width; all but the first and the last are batch-normalised.
 
     Args:
-        in_channels: of image and depth together.
-        width: F, as of the generator; the first convolution has F/8 channels. 512 is published.
+        in_channels: channels of image and depth together.
+        width: F, as for the generator; the first convolution has F/8 channels. 512 is published.
 
     Raises:
         ValueError: the width is not a positive multiple of 8.

@@ -1,4 +1,4 @@
-"""Local planes: angles to unit normals, and the depth of a plane inside each patch of pixels.
+"""Local planar guidance: unit normals from angles, and the depth of a plane in each patch of pixels.
 
 Everything here is computed in float32: the quotient of a ray and a plane loses its meaning in half precision.
 """
@@ -22,7 +22,7 @@ class Reduction(nn.Sequential):
     Args:
         in_channels: channels that come in.
         first: channels after the first convolution; below 8, only the last convolution remains.
-        out_channels: channels of the result, on which no activation acts.
+        out_channels: channels of the result, which has no activation.
     """
 
     def __init__(self, in_channels: int, first: int, out_channels: int) -> None:

@@ -1,4 +1,4 @@
-"""The Swin encoder as dense prediction uses it, with weights by timm's names or by Microsoft's."""
+"""Swin encoder for dense prediction, with weights by timm's names or by Microsoft's."""
 
 import re
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ HEAD_CHANNELS = 32
 
 
 class Size(NamedTuple):
-    """Channels at /4, which double from tap to tap, and blocks of each stage."""
+    """Channels at /4, which double from scale to scale, and blocks of each stage."""
 
     channels: int
     depths: tuple[int, int, int, int]
@@ -45,7 +45,7 @@ class PatchEmbedding(nn.Module):
 
 
 class PatchMerging(nn.Module):
-    """Each 2 x 2 square side by side (columns before rows), normalised, to twice the channels."""
+    """Concatenate each 2 x 2 square (columns before rows), normalise, and map to twice the channels."""
 
     def __init__(self, in_channels: int) -> None:
         super().__init__()
@@ -82,23 +82,23 @@ class Stage(nn.Module):
 class Swin(nn.Module):
     """Feature maps at 1/4, 1/8, 1/16 and 1/32 of the image, each through a LayerNorm of its own.
 
-    timm's Swin rolls a map before it fills it up to whole windows, and does not shift the windows of a map
-    that is one window large; the networks published for segmentation and depth do otherwise in both, so that
-    timm's is another function wherever a map's side is no multiple of 7 above 7: hence this one.
+    timm's Swin rolls a map before it pads it to whole windows, and does not shift the windows of a map of one
+    window. The networks published for segmentation and depth differ in both, so that timm's is another
+    function wherever a map's side is no multiple of 7 above 7.
 
     Args:
         name: one of `SIZES`; a tag chooses its weights, as in `swin_tiny_patch4_window7_224.ms_in1k`, and
             those of ImageNet-22k are taken where there is none.
         pretrained: None for random weights, "imagenet" to fetch timm's, or the path of a local file with
-            timm's or Microsoft's names. The four LayerNorms start anew in any case.
-        drop_path: how often the last block's residuals are left out in training, and the earlier ones in
+            timm's or Microsoft's names. The four LayerNorms are initialised anew in any case.
+        drop_path: probability of dropping the last block's residuals in training, and the earlier ones in
             proportion; 0.3 is NeWCRFs'.
 
     Attributes:
-        channels: of the four maps, the largest map first.
+        channels: channels of the four maps, the largest map first.
 
     Raises:
-        ValueError: the name is not of such a Swin, or its weights cannot be had.
+        ValueError: the name is not one of such a Swin, or its weights are not available.
 
     References:
         Liu et al., Swin Transformer: Hierarchical Vision Transformer using Shifted Windows, ICCV 2021.
@@ -179,7 +179,7 @@ def _fill(net: Swin, stored: Mapping[str, Tensor], source: str) -> None:
 
 
 def timm_name(name: str) -> str:
-    """A name of Microsoft's release in timm's terms: what ends a stage there begins the next one here.
+    """Convert a name of Microsoft's release to timm's: the end of a stage begins the next one here.
 
     >>> timm_name("layers.0.downsample.norm.bias")
     'layers.1.downsample.norm.bias'

@@ -5,15 +5,15 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 LEAST_PIXELS = 256
-"""Coarse pixels of a batch from which the sums of weights are cheaper than the products that they save."""
+"""Coarse pixels of a batch from which on sums of weights are cheaper than the products that they save."""
 
 
 def up_conv2d(x: Float[Tensor, "b c h w"], weight: Float[Tensor, "o c 3 3"]) -> Float[Tensor, "b o 2*h 2*w"]:
-    """What a 3x3 convolution with zero padding makes of `x`, enlarged by 2 with nearest neighbours.
+    """A 3x3 convolution with zero padding of `x` enlarged by 2 with nearest neighbours.
 
     Of the nine pixels that are read, several are copies of one: each of the four phases of the result needs
     2 x 2 sums of weights, 2.25 times fewer products. Together they are a transposed convolution of 4 x 4. An
-    exported network is of any size, and for other programs, whose transposed convolutions are slow.
+    exported network takes any size, and is for other programs, whose transposed convolutions are slow.
     """
     if torch.compiler.is_exporting() or x.shape[0] * x.shape[2] * x.shape[3] < LEAST_PIXELS:
         enlarged = nn.functional.interpolate(x, scale_factor=2, mode="nearest")

@@ -1,4 +1,4 @@
-"""Whether a file of weights is as it was saved, and holds numbers."""
+"""Check that a file of weights is undamaged, and that weights are finite numbers."""
 
 import zipfile
 import zlib
@@ -12,16 +12,16 @@ from torch import Tensor
 from col3d.io.atomic import BUFFER
 
 ARCHIVE = b"PK\x03\x04"
-"""What the archives of torch.save begin with."""
+"""First bytes of the archives of torch.save."""
 
 
 def check_archive(path: Path) -> None:
-    """Hold every byte of what torch.save writes against the sums that are stored with it.
+    """Verify the checksums in an archive of torch.save.
 
-    Files of other formats have no sums, and pass.
+    Files of other formats have no checksums, and pass.
 
     Raises:
-        ValueError: names the file and what in it has changed.
+        ValueError: names the file and the damaged entry.
     """
     if not zipfile.is_zipfile(path):
         _check_end(path)
@@ -36,7 +36,7 @@ def check_archive(path: Path) -> None:
 
 
 def _check_end(path: Path) -> None:
-    """Refuse the beginning of an archive: its table is at the end, and is what a cut takes first.
+    """Refuse a truncated archive: its table of contents at the end is cut off first.
 
     Raises:
         ValueError: names the file.
@@ -67,7 +67,7 @@ def check_finite(tensors: Mapping[Any, Any]) -> None:
 
 
 def check_fractions(given: Mapping[str, Any], wanted: Mapping[str, Tensor]) -> None:
-    """Refuse whole numbers for weights of a network, which loading would take without a word.
+    """Refuse integers as weights of a network, which loading would convert silently.
 
     Raises:
         ValueError: names the first of them.

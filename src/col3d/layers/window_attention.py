@@ -12,7 +12,7 @@ WINDOW = 7
 
 
 def whole_windows(length: int) -> int:
-    """The least multiple of `WINDOW` from a length on.
+    """The least multiple of `WINDOW` that is not below a length.
 
     >>> [whole_windows(length) for length in (7, 8)]
     [7, 14]
@@ -30,7 +30,7 @@ def to_windows(x: Float[Tensor, "b h w c"], side: int) -> Float[Tensor, "b n pix
 def from_windows(
     windows: Float[Tensor, "b n pixels c"], size_hw: tuple[int, int]
 ) -> Float[Tensor, "b h w c"]:
-    """The map of that size which `to_windows` cuts into these windows."""
+    """Join windows of `to_windows` into the map of this size."""
     b, _, pixels, c = windows.shape
     side, (height, width) = isqrt(pixels), size_hw
     grid = windows.reshape(b, height // side, width // side, side, side, c)
@@ -38,7 +38,7 @@ def from_windows(
 
 
 def relative_position(side: int) -> Int[Tensor, "pixels pixels"]:
-    """Where the offset of pixel i from pixel j of a window stands in a table of all (2 side - 1)^2."""
+    """Index of the offset of pixel i from pixel j of a window in a table of all (2 side - 1)^2."""
     row, column = (index.flatten() for index in torch.meshgrid(*2 * [torch.arange(side)], indexing="ij"))
     down, right = row[:, None] - row, column[:, None] - column
     return (down + side - 1) * (2 * side - 1) + right + side - 1
@@ -47,28 +47,28 @@ def relative_position(side: int) -> Int[Tensor, "pixels pixels"]:
 def neighbours(
     size_hw: tuple[int, int], side: int, shift: int, device: torch.device | None = None
 ) -> Bool[Tensor, "n pixels pixels"]:
-    """Which pixels of a window were neighbours before the map was rolled up and left by `shift`.
+    """Pairs of pixels of a window that were neighbours before the map was rolled up and left by `shift`.
 
-    The roll brings the first rows behind the last ones and the first columns behind the last ones: they meet
-    in one window, but must not see one another.
+    The roll moves the first rows after the last ones and the first columns after the last ones: they share a
+    window, but must not attend to one another.
     """
     rows, columns = (torch.arange(length, device=device) >= length - shift for length in size_hw)
     part = (2.0 * rows[:, None] + columns)[None, :, :, None]
-    of_pixel = to_windows(part, side)[0, :, :, 0]
-    return of_pixel[:, :, None] == of_pixel[:, None, :]
+    pixel_part = to_windows(part, side)[0, :, :, 0]
+    return pixel_part[:, :, None] == pixel_part[:, None, :]
 
 
 class WindowAttention(nn.Module):
     """softmax(q k^T / sqrt(d) + bias) v inside each window, where the bias depends on the pixels' offset.
 
-    The map is filled up with zeros to whole windows, then rolled by the shift. Zeros that fill it up are
-    pixels like any other, as in the published weights' training.
+    The map is padded with zeros to whole windows, then rolled by the shift. Padded pixels are not masked, as
+    in the published weights' training.
 
     Args:
-        channels: of the map.
-        heads: how many attentions share the channels; a divisor of them.
-        shift: how far the windows lie to the lower right of the plain grid, in pixels.
-        own_value: whether values are a linear map of x, too; if not, `forward` is given them.
+        channels: channels of the map.
+        heads: number of attention heads, a divisor of the channels.
+        shift: offset of the windows to the lower right of the plain grid, in pixels.
+        own_value: whether values are a linear map of x, too; otherwise they are given to `forward`.
 
     References:
         Liu et al., Swin Transformer, ICCV 2021, equation 4.
@@ -89,7 +89,7 @@ class WindowAttention(nn.Module):
     def forward(
         self, x: Float[Tensor, "b h w c"], value: Float[Tensor, "b h w c"] | None = None
     ) -> Float[Tensor, "b h w c"]:
-        """A map, and the values where they are not its own -> the attended values."""
+        """A map, and the values if they do not come from it -> the attended values."""
         assert (value is None) == self.own_value
         _, height, width, _ = x.shape
         full_hw = (whole_windows(height), whole_windows(width))
@@ -126,10 +126,10 @@ class WindowBlock(nn.Module):
     """x + attention(norm(x)), then x + mlp(norm(x)); the hidden layer of the mlp is 4 times as wide.
 
     Args:
-        channels: of the map.
+        channels: channels of the map.
         heads: see `WindowAttention`, as for `shift` and `own_value`.
-        shift: of the windows, in pixels.
-        drop_path: how often a residual is left out in training, in [0, 1).
+        shift: shift of the windows, in pixels.
+        drop_path: probability of dropping a residual in training, in [0, 1).
         own_value: whether values are a linear map of x.
     """
 
@@ -148,7 +148,7 @@ class WindowBlock(nn.Module):
     def forward(
         self, x: Float[Tensor, "b h w c"], value: Float[Tensor, "b h w c"] | None = None
     ) -> Float[Tensor, "b h w c"]:
-        """A map, and the values where they are not its own -> the map, refined."""
+        """A map, and the values if they do not come from it -> the refined map."""
         x = x + self.drop_path(self.attn(self.norm1(x), value))
         refined: Tensor = x + self.drop_path(self.mlp(self.norm2(x)))
         return refined

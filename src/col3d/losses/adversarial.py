@@ -1,4 +1,4 @@
-"""The loss of networks that learn against each other."""
+"""Adversarial loss of a generator and its discriminator."""
 
 import torch
 from jaxtyping import Float
@@ -11,15 +11,15 @@ from col3d.geometry.precision import at_least_float32
 def gan_loss(logits: Float[Tensor, "b *patches"], real: bool) -> Float[Tensor, ""]:
     """Mean cross-entropy of a discriminator's logits with one label: -log p(real) or -log(1 - p(real)).
 
-    The discriminator's own loss takes the true label of each pair; the generator's takes `real=True` of what
-    it has made (the non-saturating form).
+    The discriminator's own loss takes the true label of each pair; the generator's takes `real=True` for its
+    outputs (the non-saturating form).
 
     Args:
-        logits: one for each patch; above 0 where the discriminator takes it for real.
+        logits: one for each patch; above 0 where the discriminator classifies it as real.
         real: the label.
 
     Returns:
-        A scalar: log 2 for a discriminator that cannot tell, to zero for one that is sure and right.
+        A scalar: log 2 for a discriminator that cannot tell, approaching zero for one that is sure and right.
 
     References:
         Goodfellow et al.: Generative Adversarial Nets, NeurIPS 2014, eq. 1 and section 3; Isola et al.:

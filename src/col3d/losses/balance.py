@@ -1,4 +1,4 @@
-"""How the terms of a loss become the number that is minimised."""
+"""Balancers: combine the terms of a loss into the scalar that is minimised."""
 
 from collections.abc import Callable, Mapping
 

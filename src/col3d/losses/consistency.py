@@ -1,4 +1,4 @@
-"""Cross-task consistency (X-TC): predicted normals against the normals of the predicted depth."""
+"""Cross-task consistency (X-TC): predicted normals compared with the normals of the predicted depth."""
 
 from jaxtyping import Bool, Float
 from torch import Tensor
@@ -14,7 +14,7 @@ def cross_task_rmse(
     Args:
         preds: predicted unit normals.
         target: `normals_from_depth` of the predicted depth, gradient included; zero where undefined.
-        mask: True where a pixel counts; pixels without a derived normal are left out besides.
+        mask: True where a pixel counts; pixels without a derived normal are left out, too.
 
     Returns:
         A scalar; zero where nothing counts.
@@ -29,7 +29,7 @@ def cross_task_rmse(
 def cross_task_l1(
     preds: Float[Tensor, "b 3 h w"], target: Float[Tensor, "b 3 h w"], mask: Bool[Tensor, "b 1 h w"]
 ) -> Float[Tensor, ""]:
-    """The same with the mean absolute error."""
+    """Mean absolute error between predicted normals and those derived from the predicted depth."""
     return normal_l1(preds, target, mask & _derived(target))
 
 

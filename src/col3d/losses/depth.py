@@ -9,7 +9,7 @@ from col3d.geometry.precision import at_least_float32
 from col3d.losses.masked import masked_mean, root
 
 SMALLEST_DEPTH = 1e-6
-"""Depth in mm at which predictions enter the logarithm at the least: a sigmoid may underflow to zero."""
+"""Lower bound in mm of predictions in the logarithm: a sigmoid may underflow to zero."""
 
 
 def silog(

@@ -1,4 +1,4 @@
-"""Errors of depth, pixel by pixel: in mm, and of its logarithm."""
+"""Pixel-wise errors of depth: in mm, and of its logarithm."""
 
 import torch
 from jaxtyping import Bool, Float
@@ -15,7 +15,7 @@ def depth_l1(
 ) -> Float[Tensor, ""]:
     """Mean absolute error in mm.
 
-    The published pix2pix takes it of depth in [-1, 1], where it is 2 / max_depth times this one.
+    The published pix2pix computes it for depth in [-1, 1], where it is 2 / max_depth times this one.
 
     Args:
         preds: predicted depth in mm.
@@ -39,7 +39,7 @@ def depth_l1(
 def rmse_log(
     preds: Float[Tensor, "b 1 h w"], target: Float[Tensor, "b 1 h w"], mask: Bool[Tensor, "b 1 h w"]
 ) -> Float[Tensor, ""]:
-    """Root mean squared difference of the natural logarithms: SILog that is not invariant to scale at all.
+    """Root mean squared difference of natural logarithms: SILog without any invariance to scale.
 
     Args:
         preds: predicted depth in mm.

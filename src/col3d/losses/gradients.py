@@ -1,4 +1,4 @@
-"""Errors of the slopes of depth: how much they differ, and whether they point the same way.
+"""Gradient losses of depth: difference of slopes, and cosine between the patterns of slopes.
 
 Slopes are Sobel derivatives by the kernel [1 2 1]^T [-1 0 1] and its transpose, not divided by their weight:
 a depth that grows by s mm a pixel has the derivative 8 s. Where a pixel of the 3 x 3 is masked or outside the
@@ -55,7 +55,7 @@ def gradient_direction(
 
     Returns:
         A scalar in [0, 2], the mean over both derivatives of the frames that have such pixels. A derivative
-        that is zero everywhere costs 0 where the other map's is so too, else 1, without gradient.
+        that is zero everywhere costs 0 where the other map's is zero, too, else 1, without gradient.
 
     Raises:
         ValueError: the shapes do not belong together.
@@ -66,10 +66,10 @@ def gradient_direction(
     """
     check_maps(preds, target, mask)
     counts = with_neighbours(mask)
-    ours, theirs = (_slope_directions(depth, mask, counts) for depth in (preds, target))
-    one_is_flat = (ours != 0).any(dim=-1) != (theirs != 0).any(dim=-1)
+    predicted, true = (_slope_directions(depth, mask, counts) for depth in (preds, target))
+    one_is_flat = (predicted != 0).any(dim=-1) != (true != 0).any(dim=-1)
     # Half the squared distance of unit vectors is 1 - cosine, and exactly zero at the truth.
-    cost = torch.where(one_is_flat, 1.0, (ours - theirs).square().sum(dim=-1) / 2)
+    cost = torch.where(one_is_flat, 1.0, (predicted - true).square().sum(dim=-1) / 2)
     return masked_mean(cost[..., None, None], counts.any(dim=(1, 2, 3), keepdim=True))
 
 
@@ -82,7 +82,7 @@ def sobel(depth: Float[Tensor, "b 1 h w"]) -> Float[Tensor, "b 2 _ _"]:
 
 
 def with_neighbours(mask: Bool[Tensor, "b 1 h w"]) -> Bool[Tensor, "b 1 _ _"]:
-    """Of the pixels that have eight neighbours, those that are True with all of them."""
+    """The pixels, of those that have eight neighbours, that are True with all of them."""
     rows = mask[..., :-2, :] & mask[..., 1:-1, :] & mask[..., 2:, :]
     return rows[..., :-2] & rows[..., 1:-1] & rows[..., 2:]
 

@@ -7,7 +7,7 @@ from torch import Tensor
 def masked_mean(values: Tensor, mask: Tensor) -> Tensor:
     """Mean over channels and the pixels where `mask` (b, 1, h, w) is True; zero where none is.
 
-    Masked values may be anything, NaN included: neither they nor their gradient get through.
+    Masked values may be anything, NaN included: they affect neither the mean nor the gradient.
     """
     kept = torch.where(mask, values, 0.0)
     count = mask.sum() * (values.shape[1] // mask.shape[1])

@@ -1,4 +1,4 @@
-"""Errors of normals, component by component."""
+"""Component-wise errors of normals."""
 
 import torch
 from jaxtyping import Bool, Float

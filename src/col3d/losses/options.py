@@ -11,7 +11,7 @@ from col3d.registry.fields import NonNegative
 from col3d.registry.schema import Options, defaults
 
 USUAL = "fixed"
-"""The balancer of a loss that names none."""
+"""Name of the balancer of a loss without `balance`."""
 
 
 class TermOptions(Options):
@@ -21,7 +21,7 @@ class TermOptions(Options):
     from_epoch: Annotated[int, Field(ge=0)] = 0
 
     def __str__(self) -> str:
-        """Its name, with the options that are not as they are by default."""
+        """Name of the term, with the options that differ from their defaults."""
         usual = {name: default for name, (_, default) in LOSSES[self.term].parameters().items()}
         given = own_options(self)
         changed = [f"{name}={value}" for name, value in given.items() if value != usual[name]]
@@ -45,7 +45,7 @@ def term_options(given: Any) -> TermOptions:
 
 
 def own_options(options: TermOptions) -> dict[str, Any]:
-    """Those of the term's function."""
+    """Options of the term's function."""
     return LOSSES[options.term].own(options)
 
 
@@ -74,14 +74,14 @@ def balance_options(given: Any) -> BalanceOptions | None:
 
 
 def balancer(options: BalanceOptions | None) -> Any:
-    """What they stand for."""
+    """Build the balancer that the options name; the weighted sum for None."""
     options = options or BalanceOptions(name=USUAL)
     part = BALANCERS[options.name]
     return part.build(**part.own(options))
 
 
 def balance_node(part: Part) -> dict[str, Any]:
-    """What `loss/balance=NAME` brings into a configuration: every option with its default."""
+    """Configuration node of `loss/balance=NAME`: every option with its default."""
     return {"name": part.name, **defaults(part.parameters())}
 
 
@@ -96,9 +96,9 @@ class LossOptions(Options):
     balance: Balance = None
 
     def needing(self, task: str) -> list[str]:
-        """Names of the terms that need what a network predicts."""
+        """Names of the terms that need a task of the network's prediction."""
         return [name for name, options in self.terms.items() if task in LOSSES[options.term].facts["needs"]]
 
     def learning_from(self, truth: str) -> list[str]:
-        """Names of the terms that need what is known."""
+        """Names of the terms that need a task of the ground truth."""
         return [name for name, options in self.terms.items() if truth in LOSSES[options.term].facts["truth"]]

@@ -1,6 +1,6 @@
-"""The terms that a loss can be made of: what is predicted, held against what is known, as one number.
+"""Registered terms of a loss: functions of a prediction and its batch.
 
-Each takes a prediction and its batch and calls one of the pure functions of this package.
+Each calls one of the pure functions of this package on the maps of prediction and truth that it needs.
 """
 
 from typing import Literal
@@ -64,8 +64,8 @@ def cross_task_rmse(prediction: Prediction, batch: Batch, geometry: Geometry = "
     """Root mean squared difference of predicted normals and those that follow from predicted depth.
 
     Args:
-        prediction: with normals.
-        batch: with rays.
+        prediction: depth and normals.
+        batch: frames with rays.
         geometry: how depth becomes normals: `rays` takes those of the batch; `pinhole` is the module of the
             published code: forward differences, and a pinhole, which C3VD's lens is not.
     """
@@ -78,8 +78,8 @@ def cross_task_l1(prediction: Prediction, batch: Batch, geometry: Geometry = "ra
     """Mean absolute difference of predicted normals and those that follow from predicted depth.
 
     Args:
-        prediction: with normals.
-        batch: with rays.
+        prediction: depth and normals.
+        batch: frames with rays.
         geometry: as for `cross_task_rmse`.
     """
     derived = _derived(prediction["depth"], batch, geometry)

@@ -1,4 +1,4 @@
-"""The sum of the terms of a loss, weighted by the lambdas."""
+"""Weighted sum of the terms of a loss."""
 
 import functools
 from collections.abc import Callable, Mapping, Sequence
@@ -22,10 +22,10 @@ class WeightedLoss(nn.Module):
     """total = sum of lambda * term over named terms, in their order.
 
     Args:
-        lambdas: one weight for each term, in that order.
-        terms: by name: a function of (prediction, batch), or the name of a registered term, alone or with
-            its options and the epoch from which it counts: `{"term": "silog", "from_epoch": 4}`.
-        max_depth: depth in mm that terms scale by.
+        lambdas: one weight for each term, in the order of the terms.
+        terms: terms by name, each a function of (prediction, batch), or the name of a registered term, alone
+            or with its options and the epoch from which it counts: `{"term": "silog", "from_epoch": 4}`.
+        max_depth: depth in mm that terms scale depth by.
         balance: how terms and lambdas become one number; the weighted sum when absent.
 
     Raises:
@@ -52,16 +52,16 @@ class WeightedLoss(nn.Module):
         self.lambdas = dict(zip(terms, lambdas, strict=True))
         self.terms: dict[str, Term] = {}
         self.from_epoch: dict[str, int] = {}
-        said = []
+        parts = []
         for name, given in terms.items():
             if callable(given):
                 self.terms[name], self.from_epoch[name] = given, 0
-                said.append(f"{self.lambdas[name]:g} {name}")
+                parts.append(f"{self.lambdas[name]:g} {name}")
             else:
                 options = term_options(given)
                 self.terms[name], self.from_epoch[name] = _bound(options, max_depth), options.from_epoch
-                said.append(f"{self.lambdas[name]:g} {options}")
-        self.formula = " + ".join(said)
+                parts.append(f"{self.lambdas[name]:g} {options}")
+        self.formula = " + ".join(parts)
 
     def forward(self, prediction: Prediction, batch: Batch, epoch: int | None = None) -> dict[str, Tensor]:
         """Every term unweighted, and as `total` the weighted sum of those that count in this epoch."""
@@ -80,19 +80,19 @@ class WeightedLoss(nn.Module):
 
 
 def _scalar(option: str, value: object) -> Tensor:
-    """What a term or a balancer gives.
+    """Check that the result of a term or a balancer is a scalar, and return it.
 
     Raises:
-        UserError: it is no scalar; names the option.
+        UserError: it is no scalar; the message names the option.
     """
     if isinstance(value, Tensor) and value.ndim == 0:
         return value
-    came = f"shape {tuple(value.shape)}" if isinstance(value, Tensor) else type(value).__name__
-    raise UserError(f"{option}: its function has to return a tensor that is one number; got {came}")
+    actual = f"shape {tuple(value.shape)}" if isinstance(value, Tensor) else type(value).__name__
+    raise UserError(f"{option}: its function has to return a tensor that is one number; got {actual}")
 
 
 def _bound(options: TermOptions, max_depth: float) -> Term:
-    """A registered term with its options, and with the maximum depth where it takes that."""
+    """Bind a registered term to its options, and to the maximum depth if it has that parameter."""
     part = LOSSES[options.term]
     supplied = {"max_depth": max_depth} if "max_depth" in signature(part.build).parameters else {}
     return functools.partial(part.build, **own_options(options), **supplied)

@@ -1,4 +1,4 @@
-"""Depth and normal metrics as torchmetrics: each frame weighs the same, under any batches and processes."""
+"""Depth and normal metrics as torchmetrics: each frame weighs the same in any batches and processes."""
 
 from col3d.metrics.depth import DepthMetrics
 from col3d.metrics.frame_mean import FrameMean

@@ -1,4 +1,4 @@
-"""The nine depth metrics over frames."""
+"""Mean of the nine depth metrics over frames."""
 
 from typing import Any
 

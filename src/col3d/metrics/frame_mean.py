@@ -1,4 +1,4 @@
-"""The mean over frames, shared by all metrics."""
+"""Base of metrics: the mean over frames."""
 
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
@@ -11,12 +11,12 @@ from torchmetrics import Metric
 class FrameMean(Metric):
     """Sums of per-frame values and their number, in float64, added over batches and processes.
 
-    Frames of which no pixel counts are left out, and `empty_frames` says how many. Other NaN stays, but for
+    Frames of which no pixel counts are left out, and counted in `empty_frames`. Other NaN stays, except for
     metrics that a frame need not have: there it is left out as well.
 
     Args:
-        names: the values that each update brings.
-        undefined: those of them that a frame need not have.
+        names: names of the values that each update adds.
+        undefined: names of the values that a frame need not have.
     """
 
     higher_is_better = None

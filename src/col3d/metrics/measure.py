@@ -1,4 +1,4 @@
-"""Every registered metric of a task, each function called once."""
+"""Compute every registered metric of a task, calling each function once."""
 
 from collections.abc import Callable, Mapping
 from inspect import signature
@@ -16,18 +16,18 @@ from col3d.registry.metric_specs import OURS, MetricSpec, by_name
 from col3d.registry.schema import place_of
 
 Options = Mapping[str, Mapping[str, Any]]
-"""Of metrics, by their names."""
+"""Options of metrics, by the metrics' names."""
 NONE: Options = MappingProxyType({})
 SMALLEST = 1e-3
-"""Depth in mm to which predictions are raised, so that their logarithm exists."""
+"""Lower bound in mm that predicted depth is clipped to, so that its logarithm exists."""
 
 
 def registered_specs(task: str | None = None, validation: bool = False) -> dict[str, MetricSpec]:
-    """What is said of each registered metric, by name: ours in the order of their columns, then others'.
+    """Spec of each registered metric, by name: ours in the order of their columns, then others'.
 
     Args:
         task: "depth" or "normals"; both when absent.
-        validation: leave out what is not measured after every epoch.
+        validation: whether to leave out metrics that are not measured after every epoch.
     """
     return by_name(part.facts["spec"] for part in _parts(task, validation))
 
@@ -48,12 +48,12 @@ def measure(
     Args:
         task: "depth" or "normals".
         preds: predicted depth in mm, or normals.
-        target: true ones.
+        target: true depth in mm, or normals.
         mask: True where a pixel counts.
-        max_depth: what depth is cut to.
-        cosine_epsilon: given to functions that have such a parameter.
-        options: of metrics.
-        validation: leave out what is not measured after every epoch.
+        max_depth: upper bound that depth is clipped to.
+        cosine_epsilon: passed to functions that have such a parameter.
+        options: options of metrics, by their names.
+        validation: whether to leave out metrics that are not measured after every epoch.
 
     Raises:
         UserError: a function returns something else than one value a frame. What a function raises itself
@@ -62,13 +62,13 @@ def measure(
     limits = {"min_depth": SMALLEST, "max_depth": max_depth, "cosine_epsilon": cosine_epsilon}
     parts = _parts(task, validation)
     values: dict[str, Tensor] = {}
-    for of_function in _by_function(parts):
-        values |= _called(of_function, (preds, target, mask), limits, options)
+    for function_parts in _by_function(parts):
+        values |= _called(function_parts, (preds, target, mask), limits, options)
     return {part.name: values[part.name] for part in parts}
 
 
 def try_metrics(tasks: tuple[str, ...], size_hw: tuple[int, int], options: Options = NONE) -> None:
-    """Call every metric of plugins on two made-up frames, so that a mistake shows before a training.
+    """Call every metric of plugins on two synthetic frames, so that an error shows before a training.
 
     Raises:
         UserError: as `measure`; what a function raises itself is left as it is.
@@ -100,35 +100,35 @@ def _parts(task: str | None, validation: bool) -> list[Part]:
 
 
 def _by_function(parts: list[Part]) -> list[list[Part]]:
-    """Parts that one function computes, together."""
-    found: dict[Callable[..., Any], list[Part]] = {}
+    """Group parts by the function that computes them."""
+    by_function: dict[Callable[..., Any], list[Part]] = {}
     for part in parts:
-        found.setdefault(part.build, []).append(part)
-    return list(found.values())
+        by_function.setdefault(part.build, []).append(part)
+    return list(by_function.values())
 
 
 def _called(
     parts: list[Part], maps: tuple[Tensor, Tensor, Tensor], limits: Mapping[str, float], options: Options
 ) -> dict[str, Tensor]:
-    """The values of parts that one function computes."""
+    """The values of the parts that one function computes."""
     (preds, target, mask), build = maps, parts[0].build
     takes = signature(build).parameters
     own = {key: value for part in parts for key, value in options.get(part.name, {}).items()}
     supplied = {key: value for key, value in limits.items() if key in takes}
     if parts[0].facts["spec"].task == "depth" and not takes.keys() >= {"min_depth", "max_depth"}:
         preds = preds.clamp(limits["min_depth"], limits["max_depth"])
-    found = build(preds, target, mask, **supplied, **own)
-    return {part.name: _checked(part, found, len(preds)) for part in parts}
+    result = build(preds, target, mask, **supplied, **own)
+    return {part.name: _checked(part, result, len(preds)) for part in parts}
 
 
-def _checked(part: Part, found: Any, frames: int) -> Tensor:
-    """A metric's values out of what its function returned."""
-    value = found.get(part.name) if isinstance(found, Mapping) else found
+def _checked(part: Part, result: Any, frames: int) -> Tensor:
+    """A metric's values from the result of its function."""
+    value = result.get(part.name) if isinstance(result, Mapping) else result
     if isinstance(value, Tensor) and value.shape == (frames,):
         return value
-    came = f"shape {tuple(value.shape)}" if isinstance(value, Tensor) else f"{type(value).__name__}"
+    actual = f"shape {tuple(value.shape)}" if isinstance(value, Tensor) else f"{type(value).__name__}"
     where = place_of(part.build)
     raise UserError(
         f"metric {part.name}: {where} has to return one value a frame, a tensor of shape ({frames},) for "
-        f"{frames} frames; got {came}"
+        f"{frames} frames; got {actual}"
     )

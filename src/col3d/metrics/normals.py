@@ -1,4 +1,4 @@
-"""The five metrics of normals over frames."""
+"""Mean of the five metrics of normals over frames."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Options of metrics: by name, those of the function that computes it."""
+"""Options of metrics, by name: arguments of the functions that compute them."""
 
 from collections.abc import Mapping
 from typing import Annotated, Any
@@ -19,17 +19,17 @@ def metric_options(given: Any) -> dict[str, dict[str, Any]]:
     """
     if not isinstance(given, Mapping):
         raise OptionError(f"metrics: expected options by the names of metrics, got {given!r}")
-    found: dict[str, dict[str, Any]] = {}
+    checked_options: dict[str, dict[str, Any]] = {}
     owners: dict[Any, str] = {}
     for name, options in given.items():
         part = METRICS[str(name)]
         if not isinstance(options, Mapping):
             raise OptionError(f"metrics.{name}: expected options, {{OPTION: VALUE}}, got {options!r}")
-        found[str(name)] = checked(part.options(), options, f"metrics.{name}")
+        checked_options[str(name)] = checked(part.options(), options, f"metrics.{name}")
         first = owners.setdefault(part.build, str(name))
         if options and first != name:
             raise OptionError(f"metrics.{name}: is computed with {first}; give the options under one of them")
-    return found
+    return checked_options
 
 
 MetricOptions = Annotated[

@@ -1,4 +1,4 @@
-"""Protocols: what is done to prediction and truth before the metrics are taken."""
+"""Evaluation protocols: scaling, masking and axes applied before the metrics are computed."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,14 +24,14 @@ class Protocol:
 
     name: str = "standard"
     scaling: str = "none"
-    """What is fitted to the truth of each frame first: "none", "median" (one factor, of the medians) or
+    """How predictions are fitted to the truth of each frame: "none", "median" (one factor, of the medians) or
     "scale_and_shift" (least squares)."""
     truth_range: tuple[float, float] = (0.0, float("inf"))
     """True depths in mm that count, both ends excluded."""
     cosine_epsilon: float = 0.0
-    """Added to |p| |t| in the denominator of the cosine of normals; published code has 1e-3."""
+    """Term added to |p| |t| in the denominator of the cosine of normals; published code has 1e-3."""
     normal_axes: str = "standard"
-    """"standard", or "published": y up, z out of the screen, and a true z below 0 cut to 0."""
+    """"standard", or "published": y up, z out of the screen, and a true z below 0 clipped to 0."""
     metrics: Options | None = None
     """Options of metrics, by their names."""
 
@@ -42,14 +42,14 @@ class Protocol:
     def score(
         self, prediction: Prediction, batch: Batch, validation: bool = False
     ) -> dict[str, Float[Tensor, " b"]]:
-        """All registered metrics of each frame by name, and how many `pixels` and `normal_pixels` it counted.
+        """All registered metrics of each frame by name, with the numbers of `pixels` and `normal_pixels`.
 
-        A prediction of another size than the truth is enlarged or shrunk to it, bilinearly.
+        A prediction of another size than the truth is resized to it bilinearly.
 
         Args:
             prediction: depth in mm, and normals where there are any.
-            batch: the truth.
-            validation: leave out what is not measured in validation, and takes longer.
+            batch: frames with their truth.
+            validation: whether to leave out metrics that validation does not measure, which take longer.
         """
         low, high = self.truth_range
         depth = batch["depth"]
@@ -99,12 +99,12 @@ SCALINGS: dict[str, Callable[[Tensor, Tensor, Tensor], Tensor]] = {
 
 
 def published_axes(normals: Float[Tensor, "b 3 h w"]) -> Float[Tensor, "b 3 h w"]:
-    """Normals in standard axes with y up and z out of the screen."""
+    """Convert normals from standard axes to y up and z out of the screen."""
     return normals * normals.new_tensor([1.0, -1.0, -1.0])[:, None, None]
 
 
 def cut_behind(normals: Float[Tensor, "b 3 h w"]) -> Float[Tensor, "b 3 h w"]:
-    """Such normals as C3VD stored them before May 2023: z below 0 is 0."""
+    """Clip z below 0 to 0 in published axes, as C3VD stored normals before May 2023."""
     return torch.cat([normals[:, :2], normals[:, 2:].clamp_min(0)], dim=1)
 
 

@@ -1,4 +1,4 @@
-"""The metrics of this package under their names; functions that compute several at once are called once."""
+"""Registration of this package's metrics; functions that compute several are called once."""
 
 from jaxtyping import Bool, Float
 from torch import Tensor

@@ -1,4 +1,4 @@
-"""What validation measures: every registered metric of a task that says so."""
+"""Metrics of validation: every registered metric of a task that is measured after each epoch."""
 
 from typing import Any
 
@@ -13,7 +13,7 @@ class TaskMetrics(FrameMean):
 
     Args:
         task: "depth" or "normals".
-        options: of metrics, by their names.
+        options: options of metrics, by their names.
     """
 
     def __init__(self, task: str, options: Options = NONE, **kwargs: Any) -> None:

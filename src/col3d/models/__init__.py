@@ -27,9 +27,9 @@ def create(
     `col3d.registry.available("model")` lists the names, `describe("model", name)` the options of one.
 
     Args:
-        name: of a registered network.
-        normals: "unc" adds a decoder of normals, "none" does not; absent, the network's own habit.
-        normal_frame: what predicted normals are measured from: "camera", anywhere on the sphere; or "ray",
+        name: name of a registered network.
+        normals: "unc" adds a decoder of normals, "none" does not; absent, the network's own default.
+        normal_frame: frame of predicted normals: "camera", anywhere on the sphere; or "ray",
             always facing the camera, for which the network is called as `network(image, rays)`.
         options: keyword arguments of the network's own class, checked against its signature. An `encoder` or
             a `width` of None is the network's default.
@@ -61,14 +61,14 @@ def create(
 
 
 def _arguments(part: Part, given: Mapping[str, Any]) -> dict[str, Any]:
-    """What the class takes of what is given, checked.
+    """The given options that the class has as parameters, checked.
 
     Raises:
         OptionError: an unknown name, or a value that breaks a rule.
     """
     takes = signature(part.build).parameters
-    of_all = ModelOptions.model_fields.keys() - takes.keys()
-    given = {option: value for option, value in given.items() if option not in of_all}
+    shared_options = ModelOptions.model_fields.keys() - takes.keys()
+    given = {option: value for option, value in given.items() if option not in shared_options}
     passes_on = any(parameter.kind is parameter.VAR_KEYWORD for parameter in takes.values())
     for option in given:
         if option not in takes and not passes_on:

@@ -19,16 +19,16 @@ from col3d.registry import register_model
 class BTS(DepthNetwork):
     """Encoder, dense ASPP, and a decoder that is guided by local planes at 1/8, 1/4 and 1/2.
 
-    Differs from the authors' code in two places: images of any size are padded to a multiple of 32 inside,
-    and n1 u + n2 v + n3 is kept away from 0, where a plane's depth is not finite.
+    Differs from the authors' code in two places: images of any size are padded to a multiple of 32
+    internally, and n1 u + n2 v + n3 is kept away from 0, where a plane's depth is not finite.
 
     Args:
         encoder: name of a timm model with maps at /2 to /32.
         max_depth: upper bound of the depth in mm.
         pretrained: encoder weights: None, "imagenet" or the path of a file.
         width: F, which the decoder's sizes scale from; 512 is published, a multiple of 64.
-        attention: makes the block that attends to a map of so many channels; none in BTS.
-        finest: makes the block that estimates depth from so many channels at full size.
+        attention: makes the attention block for a number of channels; none in BTS.
+        finest: makes the block that estimates depth at full size from a number of channels.
 
     References:
         Lee et al., From Big to Small: Multi-Scale Local Planar Guidance for Monocular Depth Estimation,

@@ -16,7 +16,7 @@ from col3d.registry import register_model
 
 
 class PublishedFinestDepth(nn.Module):
-    """The authors' depth at full size: the distance of a plane over the sum of its normal's components."""
+    """The authors' depth at full size: distance of a plane over the sum of its normal's components."""
 
     def __init__(self, in_channels: int) -> None:
         super().__init__()
@@ -42,7 +42,7 @@ class BTSCBAM(BTS):
 
     Differs from the authors' code in one place besides those of `BTS`: at full size they divide a distance
     by the sum of a normal's components, which passes through 0; here that depth comes from one sigmoid, as
-    in BTS. `heads="published"` brings their quotient back, for their weights.
+    in BTS. `heads="published"` restores their quotient, for their weights.
 
     Args:
         encoder: name of a timm model with maps at /2 to /32.

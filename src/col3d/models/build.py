@@ -1,4 +1,4 @@
-"""A network from its checked options."""
+"""Build a network from its checked options."""
 
 from inspect import signature
 
@@ -12,11 +12,11 @@ from col3d.registry import MODELS
 
 
 def build_network(options: ModelOptions, size_hw: tuple[int, int]) -> nn.Module:
-    """The network, with its weights to start from and its frozen parts.
+    """Build the network with its initial weights, and freeze its frozen parts.
 
     Raises:
-        UserError: the encoder or its weights are not to be had, or parts do not fit. Other errors of the
-            network's own code are left as they are.
+        UserError: the encoder or its weights are not available, or parts do not fit. Other errors of the
+            network's own code are not caught.
     """
     given = options.model_dump(exclude={"freeze", "unfreeze_at"})
     if "size_hw" in signature(MODELS[options.name].build).parameters:

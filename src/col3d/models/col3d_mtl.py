@@ -15,12 +15,12 @@ from col3d.registry import register_model
 
 
 def published_normals(raw: Float[Tensor, "b 3 h w"]) -> Float[Tensor, "b 3 h w"]:
-    """What the authors' decoder ends in: x and y through tanh, z through a sigmoid; y up, not unit length."""
+    """The authors' activations: tanh for x and y, a sigmoid for z; y up, not unit length."""
     return torch.cat([raw[:, :2].tanh(), raw[:, 2:].sigmoid()], dim=1)
 
 
 def standard_from_published(raw: Float[Tensor, "b 3 h w"]) -> Float[Tensor, "b 3 h w"]:
-    """Unit normals in standard axes, facing the camera, of the authors' last convolution."""
+    """Unit normals in standard axes, facing the camera, from the authors' last convolution."""
     x, y, z = published_normals(raw).split(1, dim=1)
     return unit(torch.cat([x, -y, -z], dim=1))
 
@@ -48,8 +48,8 @@ class Col3DMTL(BTSCBAM):
     1) and y up, as C3VD stored them before May 2023, and no unit length; here they are unit vectors in
     standard axes, anywhere on the sphere. Their UNC blocks measure the polar angle from +z over (0, pi / 3),
     here it is from -z over (0, pi). The last convolutions have biases here, and start at (0, 0, -1). What
-    no output depends on is left out. `heads="published"` brings their angles and activations back, for
-    their weights; what is returned is in standard axes all the same.
+    no output depends on is left out. `heads="published"` restores their angles and activations, for their
+    weights; the prediction is in standard axes all the same.
 
     Args:
         encoder: name of a timm model with maps at /2 to /32.

@@ -1,4 +1,4 @@
-"""MonoDepth-FPN: depth from a feature pyramid whose levels all meet at 1/4 of the image."""
+"""MonoDepth-FPN: depth from a feature pyramid whose levels are fused at 1/4 of the image."""
 
 from collections.abc import Sequence
 
@@ -18,7 +18,7 @@ FINER = ("at16", "at8", "at4")
 
 
 def enlarge_smoothly(x: Float[Tensor, "b c h w"], factor: int) -> Float[Tensor, "b c {factor}*h {factor}*w"]:
-    """Bilinear, with pixel centres where resizing an image has them: half a pixel from the border."""
+    """Bilinear up-sampling, pixel centres as in resizing an image: half a pixel from the border."""
     return nn.functional.interpolate(x, scale_factor=factor, mode="bilinear", align_corners=False)
 
 
@@ -31,7 +31,7 @@ class FeaturePyramid(nn.Module):
 
     References:
         Lin et al., Feature Pyramid Networks for Object Detection, CVPR 2017, section 3. There each level is
-        smoothed beside the way up; here the smoothed level itself is what the next one builds upon.
+        smoothed beside the top-down path; here the next level is built on the smoothed one.
     """
 
     def __init__(self, channels: Sequence[int], width: int) -> None:
@@ -50,7 +50,7 @@ class FeaturePyramid(nn.Module):
 
 
 def refine(width: int, factor: int) -> nn.Sequential:
-    """Two 3x3 ReLU from F/2 to F/4 channels; above factor 1, a third and a pixel shuffle that enlarges."""
+    """Two 3x3 ReLU from F/2 to F/4 channels; above factor 1, a third one with a pixel shuffle to enlarge."""
     half, quarter = width // 2, width // 4
     layers: list[nn.Module] = [nn.Conv2d(half, half, 3, padding=1), nn.ReLU()]
     layers += [nn.Conv2d(half, quarter, 3, padding=1), nn.ReLU()]
@@ -60,7 +60,7 @@ def refine(width: int, factor: int) -> nn.Sequential:
 
 
 class PyramidDepth(nn.Module):
-    """Every level to F/4 channels at 1/4 of the image, then two 3x3 convolutions over all, and a sigmoid."""
+    """Refine every level to F/4 channels at 1/4 of the image, then two 3x3 convolutions and a sigmoid."""
 
     def __init__(self, width: int) -> None:
         super().__init__()

@@ -20,7 +20,7 @@ POOLS = (1, 2, 3, 6)
 
 
 def pairs_norm(channels: int) -> nn.GroupNorm:
-    """Group norm of channels two by two: 256 groups of 512."""
+    """Group norm with two channels in each group: 256 groups of 512."""
     return nn.GroupNorm(channels // 2, channels)
 
 
@@ -30,7 +30,7 @@ PYRAMID_NORMS: dict[str, Callable[[int], nn.Module]] = {"group": pairs_norm, "ba
 def conv_norm_relu(
     in_channels: int, out_channels: int, kernel: int, norm: Callable[[int], nn.Module]
 ) -> nn.Sequential:
-    """A same-size convolution without bias, a norm and ReLU; weights start Kaiming-normal over fan-out."""
+    """A same-size convolution without bias, a norm and ReLU; weights are Kaiming-normal by fan-out."""
     conv = nn.Conv2d(in_channels, out_channels, kernel, padding=kernel // 2, bias=False)
     nn.init.kaiming_normal_(conv.weight, mode="fan_out", nonlinearity="relu")
     return nn.Sequential(OrderedDict(conv=conv, norm=norm(out_channels), relu=nn.ReLU()))
@@ -45,19 +45,19 @@ def cell_means(x: Float[Tensor, "b c h w"], cells: int) -> Float[Tensor, "b c {c
 
 
 def _shares(length: int, cells: int) -> Float[Tensor, "{cells} length"]:
-    """How much each pixel of a row counts in each cell's mean; exporters take it for rows of any length."""
+    """Weight of each pixel of a row in each cell's mean; exporters accept it for rows of any length."""
     place, cell = torch.arange(length), torch.arange(cells)[:, None]
     inside = (place >= cell * length // cells) & (place < ((cell + 1) * length + cells - 1) // cells)
     return inside / inside.sum(dim=1, keepdim=True)
 
 
 class PyramidPooling(nn.Module):
-    """The map beside its means over 1, 2 x 2, 3 x 3 and 6 x 6 cells, fused by a 3x3 convolution.
+    """The map and its means over 1, 2 x 2, 3 x 3 and 6 x 6 cells, fused by a 3x3 convolution.
 
     Args:
-        in_channels: of the map.
-        channels: of each pooled map and of the result.
-        norm: makes the norm of a pooled map of so many channels.
+        in_channels: channels of the map.
+        channels: channels of each pooled map and of the result.
+        norm: makes the norm of a pooled map from its number of channels.
 
     References:
         Zhao et al., Pyramid Scene Parsing Network, CVPR 2017, figure 3.
@@ -69,7 +69,7 @@ class PyramidPooling(nn.Module):
         self.fuse = conv_norm_relu(in_channels + len(POOLS) * channels, channels, 3, nn.BatchNorm2d)
 
     def forward(self, x: Float[Tensor, "b _ h w"]) -> Float[Tensor, "b _ h w"]:
-        """A map -> one that knows what lies far from each pixel."""
+        """A map -> a map of the same size with global context."""
         maps = [x]
         for cells, reduce in zip(POOLS, self.pooled, strict=True):
             pooled = reduce(cell_means(x, cells))
@@ -79,12 +79,12 @@ class PyramidPooling(nn.Module):
 
 
 class NeuralCRF(nn.Module):
-    """One stage: how alike pixels are by the encoder's map weights the values that the stage above predicts.
+    """One stage: values predicted by the stage above, weighted by the similarity of the encoder's pixels.
 
     Args:
-        in_channels: of the encoder's map.
-        channels: of the stage; half as many come from the stage above.
-        heads: how many attentions share the channels.
+        in_channels: channels of the encoder's map.
+        channels: channels of the stage; the map from the stage above has half as many.
+        heads: number of attention heads.
 
     References:
         Yuan et al., Neural Window Fully-connected CRFs for Monocular Depth Estimation, CVPR 2022, section 3.
@@ -121,7 +121,7 @@ class NeuralCRF(nn.Module):
 class NeWCRFs(DepthNetwork):
     """Swin, pyramid pooling, and four stages of neural CRFs from /32 to /4, where depth is estimated.
 
-    Differs from the authors' code in one place: images of any size are padded to a multiple of 32 inside.
+    Differs from the authors' code in one place: images of any size are padded to a multiple of 32 internally.
 
     Their code gives the pooled maps group norm of 256 groups (`pyramid_norm="group"`), so that one image can
     be a batch; of the 1 x 1 map it leaves little more than which of two channels is larger. Weights of

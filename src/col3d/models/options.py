@@ -1,4 +1,4 @@
-"""Options that networks share, and what presets make of them."""
+"""Options that networks share, and their values in presets."""
 
 import json
 from collections.abc import Mapping
@@ -15,14 +15,14 @@ from col3d.registry.schema import NoneWord, Options
 MaxDepth = Annotated[float, Field(gt=0)]
 """Upper bound of the depth in mm."""
 Width = Annotated[int, Field(ge=64, multiple_of=64)]
-"""What the sizes of decoders scale from; 512 is published."""
+"""F, which the sizes of decoders scale from; 512 is published."""
 
 SMALLER: Mapping[str, Mapping[str, Any]] = {"laptop": {"width": 128}, "smoke": {"width": 64}}
-"""Presets of networks that have a width and nothing else to make smaller."""
+"""Presets of networks of which only the width is reduced."""
 
 
 def with_encoder(small: str) -> dict[str, dict[str, Any]]:
-    """Presets of networks on an encoder: ImageNet's weights for the paper's, a small one for the others."""
+    """Presets of networks on an encoder: ImageNet's weights for the paper's, a small one for others."""
     smaller = {preset: {"encoder": small, **options} for preset, options in SMALLER.items()}
     return {"paper": {"pretrained": "imagenet"}, **smaller}
 
@@ -42,14 +42,14 @@ class ModelOptions(Options):
 
 
 def untrained(options: ModelOptions) -> ModelOptions:
-    """The same network without weights to start from: those of a checkpoint are about to fill it."""
+    """Options of the same network with random weights, which a checkpoint is about to fill."""
     before = getattr(options, "pretrained", None)
     nothing = False if isinstance(before, bool) else None
     return options.model_copy(update={"pretrained": nothing}) if before else options
 
 
 def file_of_weights(options: ModelOptions) -> str | None:
-    """What `model.pretrained` names, where a network has that option and it is a text."""
+    """Value of `model.pretrained`, where a network has that option and it is a text; else None."""
     given = getattr(options, "pretrained", None)
     return given if isinstance(given, str) else None
 
@@ -78,13 +78,13 @@ def model_options(given: Any) -> ModelOptions:
 
 
 def instead(part: Part) -> str:
-    """A hint at the network that predicts depth alone, where the registration names one."""
+    """A hint at the network that predicts depth alone; empty where the registration names none."""
     name = part.facts["depth_alone"]
     return f"; take {name} for depth alone" if name else ""
 
 
 def node(part: Part) -> dict[str, Any]:
-    """What `model=NAME` brings into a configuration: every option with its default."""
+    """Configuration node of `model=NAME`: every option with its default."""
     presets: Mapping[str, Mapping[str, Any]] = part.facts["presets"]
     values: dict[str, Any] = {"max_depth": 100.0}
     for option, (_, default) in part.parameters().items():
@@ -113,4 +113,4 @@ def _word(value: Any) -> str:
 
 
 Model = Annotated[SerializeAsAny[ModelOptions], PlainValidator(model_options)]
-"""A registered network's options: which there are is told by its name."""
+"""Options of a registered network; its name decides which options there are."""

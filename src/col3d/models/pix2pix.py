@@ -1,4 +1,4 @@
-"""pix2pix: depth as the translation of an image, by a U-Net that learns against a discriminator."""
+"""pix2pix: image-to-image translation to depth, by a U-Net trained against a discriminator."""
 
 from collections.abc import Sequence
 
@@ -19,7 +19,7 @@ PUBLISHED_SIZE = (256, 256)
 
 
 def downs_for(size: tuple[int, int]) -> int:
-    """How often an image of (height, width) is halved: as often as it goes without a rest, 5 to 8 times.
+    """Number of times an image of (height, width) is halved: as often as it divides evenly, 5 to 8.
 
     The published 8 times need sides that are multiples of 256. Below 5, where the published layers end, sides
     are padded instead, to a multiple of 32 as for every other network.
@@ -38,7 +38,7 @@ def double(in_channels: int, out_channels: int, dropout: float = 0.0) -> nn.Sequ
 
 
 def way_down(channels: Sequence[int]) -> nn.ModuleList:
-    """Blocks from the image to the innermost map, which have so many channels."""
+    """Blocks from the image to the innermost map, whose outputs have these numbers of channels."""
     last = len(channels) - 1
     later = [halve(channels[i - 1], channels[i], norm=i < last) for i in range(1, last + 1)]
     return nn.ModuleList([halve(3, channels[0], norm=False), *later])
@@ -67,8 +67,8 @@ class Pix2Pix(DepthNetwork):
     image comes normalised as to the other networks and is turned back to [-1, 1] inside, which is linear. In
     evaluation mode dropout is off and batch norms use running statistics; the authors leave both on.
 
-    Offers to other decoders: at 1/2 and 1/4 the maps of the way down, after LeakyReLU; at 1/8 what the way up
-    goes on from, which is its own map beside the skip connection, after ReLU.
+    Features for other decoders: at 1/2 and 1/4 the maps of the way down, after LeakyReLU; at 1/8 the input of
+    the next up block, which is the up map beside the skip connection, after ReLU.
 
     Args:
         encoder: "none": the generator has one of its own.
@@ -79,10 +79,10 @@ class Pix2Pix(DepthNetwork):
             published 256 x 256.
 
     Attributes:
-        downs: how often the image is halved; its sides are padded to multiples of 2**downs.
+        downs: number of times the image is halved; its sides are padded to multiples of 2**downs.
 
     Raises:
-        ValueError: an encoder or weights are asked for, or the width is not a positive multiple of 8.
+        ValueError: an encoder or weights are given, or the width is not a positive multiple of 8.
 
     References:
         Isola et al., Image-to-Image Translation with Conditional Adversarial Networks, CVPR 2017, section

@@ -1,1 +1,1 @@
-"""Reads tables that runs wrote and makes tables and figures of them; knows no torch."""
+"""Reports: read the tables that runs wrote, and make tables and figures of them; without torch."""

@@ -35,50 +35,50 @@ def report(runs: Path, out: Path, protocol: str | None, truth: Path | None) -> l
         raise UserError(f"RUNS: {runs} is no folder")
     if out.exists() and not out.is_dir():
         raise UserError(f"OUT: {out} is a file; a folder is needed")
-    found = read_runs(runs)
-    for line in found.left_out:
+    collected = read_runs(runs)
+    for line in collected.left_out:
         print(f"note: left out: {line}")
-    if not found.runs:
+    if not collected.runs:
         raise UserError(
             f"RUNS: no finished run in {runs}: a run has config.yaml, summary.json, per_frame.csv"
         )
-    found = _of_protocol(found, protocol)
-    experiments = experiments_of(found)
+    collected = _of_protocol(collected, protocol)
+    experiments = experiments_of(collected)
     owned = Owned(out, "report", "OUT")
     names = names_of(experiments)
     owned.claim(*names, *_names_of_pictures())
-    pictures, not_drawn = _pictures(found, out / "figures", truth or _beside(runs))
-    written = write_report(out, found, experiments, pictures, not_drawn, str(runs))
+    pictures, not_drawn = _pictures(collected, out / "figures", truth or _beside(runs))
+    written = write_report(out, collected, experiments, pictures, not_drawn, str(runs))
     owned.remove(keep={path.relative_to(out).as_posix() for path in written})
     return written
 
 
 def _beside(runs: Path) -> Path | None:
-    """The frames that col3d benchmark keeps beside its runs."""
+    """Folder of the frames that col3d benchmark keeps beside its runs; None where it is absent."""
     return runs / "truth" if (runs / "truth").is_dir() else None
 
 
-def _of_protocol(found: Found, protocol: str | None) -> Found:
-    """The runs that are scored under a protocol; the others are named as left out."""
+def _of_protocol(collected: Found, protocol: str | None) -> Found:
+    """The runs that are scored under a protocol; the others are listed as left out."""
     if protocol is None:
-        return found
-    known = sorted({str(run.summary["protocol"]) for run in found.runs})
+        return collected
+    known = sorted({str(run.summary["protocol"]) for run in collected.runs})
     if protocol not in known:
         raise UserError(f"--protocol: no run is scored under {protocol!r}; there are {', '.join(known)}")
-    kept = tuple(run for run in found.runs if run.summary["protocol"] == protocol)
+    kept = tuple(run for run in collected.runs if run.summary["protocol"] == protocol)
     others = tuple(
         f"{run.name}: scored under protocol {run.summary['protocol']}, not {protocol}"
-        for run in found.runs
+        for run in collected.runs
         if run.summary["protocol"] != protocol
     )
-    return Found(kept, (*found.left_out, *others))
+    return Found(kept, (*collected.left_out, *others))
 
 
-def _pictures(found: Found, folder: Path, truth: Path | None) -> tuple[list[Picture], tuple[str, ...]]:
-    """Figures of the runs, and why others are not drawn."""
+def _pictures(collected: Found, folder: Path, truth: Path | None) -> tuple[list[Picture], tuple[str, ...]]:
+    """Draw figures of the runs; returns them, and the reasons why others are not drawn."""
     from col3d.reports.figures import draw
 
-    drawn = draw(found, folder, truth)
+    drawn = draw(collected, folder, truth)
     return [Picture(figure.title, figure.caption, figure.path) for figure in drawn.figures], drawn.left_out
 
 

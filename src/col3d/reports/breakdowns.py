@@ -1,4 +1,4 @@
-"""Tables of parts: by segment of the colon, by video, and what each network costs."""
+"""Tables by segment of the colon, by video, and of the cost of each network."""
 
 from collections.abc import Sequence
 
@@ -99,11 +99,11 @@ def cost_table(experiments: Sequence[Experiment]) -> Table:
 
 
 def _cost(row: SeedGroup, column: Column, notes: list[str]) -> Cell:
-    """The mean of the runs' speeds; the other two are the same for all or not given."""
-    found = {run.name: _cost_of(run, column.key) for run in row.runs}
-    values = [value for value in found.values() if value is not None]
-    if len(values) < len(found):
-        without = ", ".join(name for name, value in found.items() if value is None)
+    """Mean cost over the runs of a row; parameters and GFLOP must be equal in all of them."""
+    costs = {run.name: _cost_of(run, column.key) for run in row.runs}
+    values = [value for value in costs.values() if value is not None]
+    if len(values) < len(costs):
+        without = ", ".join(name for name, value in costs.items() if value is None)
         notes.append(f"{row.label}: left empty, for {column.key} is not in summary.json of {without}")
         return Cell()
     if column.key != "frames_per_second" and len(set(values)) > 1:
@@ -145,7 +145,7 @@ def _shares(experiment: Experiment, with_paper: bool, notes: Notes) -> dict[str,
 
 
 def _present(experiment: Experiment, name: str) -> list[str]:
-    """Segments or videos of the frames that were scored, in the order in which the paper prints segments."""
+    """Segments or videos of the scored frames, in the order in which the paper prints segments."""
     frames = experiment.rows[0].runs[0].frames
     order = list(training_shares())
     pairs = dict(zip(frames[name].tolist(), frames["segment"].tolist(), strict=True))
@@ -154,7 +154,7 @@ def _present(experiment: Experiment, name: str) -> list[str]:
 
 
 def _part(row: SeedGroup, name: str, value: str) -> SeedGroup:
-    """The repetitions with the frames of one segment or video alone."""
+    """A row's repetitions, reduced to the frames of one segment or video."""
     runs = []
     for run in row.runs:
         kept = run.frames[name] == value
@@ -176,5 +176,5 @@ def _mean(
 
 def _beside(experiment: Experiment, with_paper: bool) -> list[str]:
     notes = [PHANTOM] if experiment.setting.data == "phantom" else []
-    theirs = "The paper's numbers are on the test split of C3VD."
-    return [*notes, theirs] if with_paper else notes
+    paper_note = "The paper's numbers are on the test split of C3VD."
+    return [*notes, paper_note] if with_paper else notes

@@ -1,4 +1,4 @@
-"""Coloured points in files: PLY, which every viewer of point clouds and meshes opens."""
+"""Write coloured point clouds as PLY files, which every viewer of point clouds and meshes opens."""
 
 from pathlib import Path
 

@@ -1,9 +1,9 @@
-"""Colours that every picture shares."""
+"""Colours shared by all pictures: grey for unknown pixels, and the colours of normals."""
 
 import numpy as np
 
 GREY = 0.8
-"""What nothing is known of."""
+"""Brightness of pixels without a value."""
 NORMAL_AXES = np.array([1.0, -1.0, -1.0])
 """X to red, -y to green, -z to blue: a wall that faces the camera is blue."""
 

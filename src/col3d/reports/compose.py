@@ -1,4 +1,4 @@
-"""Makes the tables of a report from experiments: values, intervals, and the paper's numbers beside them."""
+"""Build the tables of a report from experiments: values, intervals, and the paper's numbers beside them."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
@@ -32,9 +32,9 @@ BASELINES: dict[str, dict[str, tuple[str, ...]]] = {
     "ablation": {"BTS": ("depth",), "BTS-CBAM-MTL (L1)": ("normals",)},
     "lambda": {"(0.5, 0.3, 0.2)": TASKS},
 }
-"""What the rows of an experiment are held to, and by metrics of which tasks: BTS predicts no normals."""
+"""Baseline rows of each experiment, and the tasks whose metrics are compared: BTS predicts no normals."""
 DEPTH_ALONE = ("benchmark",)
-"""Experiments that show of our metrics those of depth."""
+"""Experiments that show only the depth metrics of ours."""
 WITH_STD = ("benchmark",)
 PARTS = {"val": "validation", "test": "test"}
 NO_VALUES: Values = {}
@@ -42,7 +42,7 @@ NO_TABLE: Mapping[str, Values] = MappingProxyType({})
 
 
 def title_of(experiment: Experiment) -> str:
-    """Heading of its table."""
+    """Heading of an experiment's table."""
     return TITLES.get(experiment.name, experiment.name.replace("other_", "Other runs "))
 
 
@@ -70,13 +70,13 @@ def further_table(experiment: Experiment) -> Table | None:
 
 
 def specs_in(experiment: Experiment) -> dict[str, MetricSpec]:
-    """What is said of the metrics of all its runs: by task, ours first."""
-    found = dict(OURS)
+    """Specs of the metrics of all runs of an experiment: by task, ours first."""
+    specs = dict(OURS)
     for run in (run for row in experiment.rows for run in row.runs):
-        found |= {name: spec for name, spec in run.specs.items() if name not in found or not found[name].task}
+        specs |= {name: spec for name, spec in run.specs.items() if name not in specs or not specs[name].task}
     order = [*TASKS, ""]
     return dict(
-        sorted(found.items(), key=lambda item: order.index(item[1].task) if item[1].task in order else 2)
+        sorted(specs.items(), key=lambda item: order.index(item[1].task) if item[1].task in order else 2)
     )
 
 
@@ -86,7 +86,7 @@ def _means(
     title: str,
     columns: Sequence[Column],
     paper: Mapping[str, Values],
-    said: Iterable[str],
+    leading_notes: Iterable[str],
 ) -> Table:
     """Means over frames with their intervals."""
     notes, lines, with_std = Notes(), [], experiment.name in WITH_STD
@@ -101,14 +101,14 @@ def _means(
         f"of a bootstrap over videos and seeds, {DRAWS} draws."
     )
     heads = _head_names(experiment)
-    table = Table(name, title, caption, heads, tuple(columns), tuple(lines), (*said, *notes.lines()))
+    table = Table(name, title, caption, heads, tuple(columns), tuple(lines), (*leading_notes, *notes.lines()))
     return without_empty_columns(table)
 
 
 def having(
     experiment: Experiment, columns: Sequence[Column], paper: Mapping[str, Values] = NO_TABLE
 ) -> list[Column]:
-    """Columns that any run, or the paper, has a value for: what nobody has is no lack."""
+    """Columns for which any run, or the paper, has a value; the others are not noted as missing."""
     runs = [run for row in experiment.rows for run in row.runs]
     printed = {metric for values in paper.values() for metric in values}
     return [
@@ -119,7 +119,7 @@ def having(
 
 
 def difference_tables(experiment: Experiment) -> list[Table]:
-    """Every row less a baseline on the same frames, where there is one and something to hold to it."""
+    """Differences of every row from a baseline on the same frames, where both exist."""
     tables = [
         _differences(experiment, baseline, tasks)
         for baseline, tasks in BASELINES.get(experiment.name, {}).items()
@@ -135,10 +135,10 @@ def _differences(experiment: Experiment, baseline: str, tasks: tuple[str, ...]) 
         cells = tuple(_difference(row, base, column, notes) for column in columns) if base else ()
         if row is not base and any(cell.value is not None for cell in cells):
             lines.append(Line(_heads(experiment, row), cells))
-    of_what = ", normals" if tasks == ("normals",) else ""
+    suffix = ", normals" if tasks == ("normals",) else ""
     table = Table(
-        f"{experiment.name}_differences{'_normals' if of_what else ''}",
-        f"{title_of(experiment)}: differences from {baseline}{of_what}",
+        f"{experiment.name}_differences{'_normals' if suffix else ''}",
+        f"{title_of(experiment)}: differences from {baseline}{suffix}",
         f"On {experiment.setting}. Mean difference from {baseline} on the same frames with the same seeds, "
         "and its 95 % interval: where it holds 0, the videos and seeds at hand do not tell the two apart.",
         _head_names(experiment),
@@ -150,7 +150,7 @@ def _differences(experiment: Experiment, baseline: str, tasks: tuple[str, ...]) 
 
 
 def _measured(row: SeedGroup, column: Column, printed: Values, notes: Notes, with_std: bool) -> Cell:
-    """Our mean, where every repetition has the metric, and the paper's."""
+    """Cell with our mean, where every repetition has the metric, and the paper's number."""
     mean, std = printed.get(column.key, (None, None))
     paper = {"paper": mean, "paper_std": std}
     sample = complete_sample(row, column, notes)
@@ -163,7 +163,7 @@ def _measured(row: SeedGroup, column: Column, printed: Values, notes: Notes, wit
 
 
 def complete_sample(row: SeedGroup, column: Column, notes: Notes) -> Sample | None:
-    """The values of a metric, None (and a note) where a repetition that should have it does not."""
+    """The values of a metric; None (and a note) where a repetition that should have it does not."""
     without = [run.name for run in row.runs if not np.isfinite(run.values(column.key)).any()]
     if without:
         depth_alone = at(row.runs[0].options, "model.normals") == "none" and column.task == "normals"
@@ -178,14 +178,14 @@ def complete_sample(row: SeedGroup, column: Column, notes: Notes) -> Sample | No
 
 
 def _difference(row: SeedGroup, base: SeedGroup, column: Column, notes: Notes) -> Cell:
-    ours, theirs = complete_sample(row, column, notes), complete_sample(base, column, notes)
-    found = paired_difference(ours, theirs) if ours and theirs else None
-    if found is None:
+    ours, baseline = complete_sample(row, column, notes), complete_sample(base, column, notes)
+    difference = paired_difference(ours, baseline) if ours and baseline else None
+    if difference is None:
         return Cell()
-    notes.interval(row.label, found.interval)
-    if found.note:
-        notes.add(f"{row.label}: {found.note}")
-    return Cell(found.mean * column.scale, None, *_limits(found.interval, column))
+    notes.interval(row.label, difference.interval)
+    if difference.note:
+        notes.add(f"{row.label}: {difference.note}")
+    return Cell(difference.mean * column.scale, None, *_limits(difference.interval, column))
 
 
 def _limits(interval: Interval | None, column: Column) -> tuple[float | None, float | None]:
@@ -193,20 +193,22 @@ def _limits(interval: Interval | None, column: Column) -> tuple[float | None, fl
 
 
 def _comparison(experiment: Experiment, with_paper: bool) -> list[str]:
-    """What the paper's numbers may be held to."""
+    """Notes on which data the paper's numbers and ours are of."""
     if not with_paper:
         return _phantom(experiment)
     setting = experiment.setting
-    theirs, ours = PARTS[SPLIT_PARTS[experiment.name]], PARTS.get(setting.part, setting.part)
-    what = f"The paper's numbers are on the {theirs} split of C3VD"
+    paper_part, our_part = PARTS[SPLIT_PARTS[experiment.name]], PARTS.get(setting.part, setting.part)
+    text = f"The paper's numbers are on the {paper_part} split of C3VD"
     if setting.data == "c3vd":
-        what += f"; ours on the {ours} part of split {setting.split}, scored by protocol {setting.protocol}."
+        text += (
+            f"; ours on the {our_part} part of split {setting.split}, scored by protocol {setting.protocol}."
+        )
     else:
-        what += f"; ours on the {ours} part of the {setting.data}."
+        text += f"; ours on the {our_part} part of the {setting.data}."
     averaged = (
         "" if setting.average == "frame" else "Means are over frames here, whatever the protocol's are."
     )
-    return [*_phantom(experiment), what, *([averaged] if averaged else [])]
+    return [*_phantom(experiment), text, *([averaged] if averaged else [])]
 
 
 def _phantom(experiment: Experiment) -> list[str]:

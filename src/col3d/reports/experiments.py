@@ -1,4 +1,4 @@
-"""Which runs stand in one table: told from their options alone, and only under one setting."""
+"""Group runs into experiments: the rows of a table, chosen by their options and under one setting."""
 
 from collections import defaultdict
 from collections.abc import Callable, Sequence
@@ -13,7 +13,7 @@ from col3d.reports.setting import Setting, setting_of
 DEPTH_ALONE: Loss = (("silog",), (1.0,))
 """Terms of a loss and their weights."""
 NORMAL_TERMS = {"normal_l1": "l1", "normal_rmse": "l2"}
-"""What measures normals in the ablation, as the paper calls it."""
+"""Loss terms of normals in the ablation, and the paper's names for them."""
 OWN_LOSSES: dict[str, Loss] = {
     "bts": DEPTH_ALONE,
     "newcrfs": DEPTH_ALONE,
@@ -21,7 +21,7 @@ OWN_LOSSES: dict[str, Loss] = {
     "pix2pix": (("depth_l1",), (100.0,)),
     "monodepth_fpn": (("rmse_log", "gradient_l1", "gradient_direction"), (1.0, 10.0, 1.0)),
 }
-"""Of the benchmark: each method's own loss."""
+"""Each method's own loss, in the benchmark."""
 ABLATION: dict[str, tuple[Loss, ...]] = {
     "bts": (DEPTH_ALONE,),
     "bts_cbam": (DEPTH_ALONE,),
@@ -45,8 +45,8 @@ class Experiment:
 
     Attributes:
         name: benchmark, ablation, lambda, or other_1 and so on.
-        left_out: runs that would stand in it but for what each line says.
-        notes: what its rows should share but do not.
+        left_out: a line for each run that is left out, with the reason.
+        notes: options that its rows should share but do not.
     """
 
     name: str
@@ -57,14 +57,14 @@ class Experiment:
 
 
 def benchmark_row(options: dict[str, Any]) -> str | None:
-    """The method, where it is trained with its own loss and heads."""
+    """Label of a run in the benchmark: the method, where it is trained with its own loss and heads."""
     model = str(at(options, "model.name"))
     fits = _plain(options) and loss_of(options) == OWN_LOSSES.get(model)
     return methods()[model] if fits else None
 
 
 def ablation_row(options: dict[str, Any]) -> str | None:
-    """One of the six configurations of the paper's ablation."""
+    """Label of a run in the ablation: one of the six configurations of the paper's."""
     model, loss = str(at(options, "model.name")), loss_of(options)
     fits = _plain(options) and loss in ABLATION.get(model, ())
     measured = [NORMAL_TERMS[term] for term in loss[0] if term in NORMAL_TERMS]
@@ -72,7 +72,7 @@ def ablation_row(options: dict[str, Any]) -> str | None:
 
 
 def lambda_row(options: dict[str, Any]) -> str | None:
-    """The three weights of Col3D-MTL's loss, normals by L1 and consistency by RMSE."""
+    """Label of a run among the loss weights: Col3D-MTL with normals by L1 and consistency by RMSE."""
     terms, weights = loss_of(options)
     default = OWN_LOSSES["col3d_mtl"][0]
     fits = at(options, "model.name") == "col3d_mtl" and _plain(options) and terms == default
@@ -80,7 +80,7 @@ def lambda_row(options: dict[str, Any]) -> str | None:
 
 
 def _plain(options: dict[str, Any]) -> bool:
-    """Heads as they are by default."""
+    """Whether a run's heads are the defaults."""
     own = "unc" if at(options, "model.name") in ("bts_cbam_mtl", "col3d_mtl") else "none"
     heads = at(options, "model.normals") in (own, None)
     frame = at(options, "model.normal_frame") in ("camera", None)
@@ -95,11 +95,11 @@ ROWS: dict[str, tuple[Label, list[str]]] = {
 """Table -> the label of a run in it, and the order in which the paper prints its rows."""
 
 
-def experiments_of(found: Found) -> list[Experiment]:
-    """The tables of the paper that runs serve, then tables of all other runs, one for each setting."""
-    tables = [table for name in ROWS if (table := _experiment(name, found.runs)) is not None]
+def experiments_of(collected: Found) -> list[Experiment]:
+    """The paper's tables that the runs fill, then tables of all other runs, one for each setting."""
+    tables = [table for name in ROWS if (table := _experiment(name, collected.runs)) is not None]
     shown = {id(run) for table in tables for row in table.rows for run in row.runs}
-    return tables + _others([run for run in found.runs if id(run) not in shown])
+    return tables + _others([run for run in collected.runs if id(run) not in shown])
 
 
 def _experiment(name: str, runs: Sequence[Run]) -> Experiment | None:
@@ -126,9 +126,9 @@ def _experiment(name: str, runs: Sequence[Run]) -> Experiment | None:
         for setting, others in by_setting.items()
         if setting != chosen
     ]
-    rows, of_rows = _rows(by_setting[chosen], label)
+    rows, row_notes = _rows(by_setting[chosen], label)
     rows.sort(key=lambda row: order.index(row.label) if row.label in order else len(order))
-    return Experiment(name, chosen, tuple(rows), (*left_out, *of_rows), tuple(_training(rows)))
+    return Experiment(name, chosen, tuple(rows), (*left_out, *row_notes), tuple(_training(rows)))
 
 
 def _rows(runs: Sequence[Run], label: Label) -> tuple[list[SeedGroup], list[str]]:
@@ -136,15 +136,15 @@ def _rows(runs: Sequence[Run], label: Label) -> tuple[list[SeedGroup], list[str]
     for run in runs:
         by_label[str(label(run.options))].append(run)
     rows, notes = [], []
-    for name, of_row in by_label.items():
-        kept, of_it = _repeats(name, of_row)
+    for name, same_label in by_label.items():
+        kept, repeat_notes = _repeats(name, same_label)
         rows.append(kept)
-        notes += of_it
+        notes += repeat_notes
     return rows, notes
 
 
 def _repeats(label: str, runs: Sequence[Run]) -> tuple[SeedGroup, list[str]]:
-    """The largest set of runs that differ by their seed alone, and what is left of the others."""
+    """The largest set of runs that differ by their seed alone, and notes on the others."""
     alike: dict[str, list[Run]] = defaultdict(list)
     for run in runs:
         alike[fingerprint(run.options)].append(run)
@@ -163,7 +163,7 @@ def _repeats(label: str, runs: Sequence[Run]) -> tuple[SeedGroup, list[str]]:
 
 
 def _training(rows: Sequence[SeedGroup]) -> list[str]:
-    """What rows of a table should share but do not."""
+    """Notes on what rows of a table should share but do not."""
     notes = []
     for option in ("trainer.max_epochs", "preset", "model.width"):
         values = {row.label: at(row.runs[0].options, option) for row in rows}
@@ -176,7 +176,7 @@ def _training(rows: Sequence[SeedGroup]) -> list[str]:
 
 
 def label_of(run: Run) -> str:
-    """What a network is called: as its registration says, as the paper does, or by its name."""
+    """Name of a run's network: from its registration, from the paper, or the model's name."""
     model = str(run.summary["model"])
     return str(run.summary.get("label") or methods().get(model, model))
 
@@ -188,8 +188,8 @@ def _others(runs: Sequence[Run]) -> list[Experiment]:
         by_setting[setting_of(run)][fingerprint(run.options)].append(run)
     tables = []
     for number, (setting, alike) in enumerate(by_setting.items(), start=1):
-        pairs = [_repeats(of_row[0].name, of_row) for of_row in alike.values()]
-        left_out = tuple(note for _, of_it in pairs for note in of_it)
+        pairs = [_repeats(same_options[0].name, same_options) for same_options in alike.values()]
+        left_out = tuple(note for _, repeat_notes in pairs for note in repeat_notes)
         rows = tuple(row for row, _ in pairs)
         tables.append(Experiment(f"other_{number}", setting, rows, left_out, ()))
     return tables

@@ -1,4 +1,4 @@
-"""What a fusion found: on screen, and as a page whose surfaces one can turn."""
+"""Results of a fusion: a table on screen, and an HTML page with surfaces that can be rotated."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -25,18 +25,18 @@ ROWS = {
     "f_score_2_mm": "F score at 2 mm",
 }
 Comparisons = Mapping[str, Mapping[str, float]]
-"""By what is compared with what."""
+"""Metrics in mm or as shares, by the name of the comparison."""
 
 
-def print_fusion(found: Mapping[str, Any], written: Sequence[Path]) -> None:
-    """A column for each comparison, and the paths."""
-    if found["comparisons"]:
-        scale = f", prediction times {found['scale']:.3f}" if found.get("scale", 1.0) != 1.0 else ""
-        table = Table(title=f"{found['frames']} frames{scale}", box=SIMPLE_HEAD, title_justify="left")
+def print_fusion(result: Mapping[str, Any], written: Sequence[Path]) -> None:
+    """Print a column for each comparison, and the paths."""
+    if result["comparisons"]:
+        scale = f", prediction times {result['scale']:.3f}" if result.get("scale", 1.0) != 1.0 else ""
+        table = Table(title=f"{result['frames']} frames{scale}", box=SIMPLE_HEAD, title_justify="left")
         table.add_column("")
-        for name in found["comparisons"]:
+        for name in result["comparisons"]:
             table.add_column(name, justify="right")
-        for row in _rows(found["comparisons"]):
+        for row in _rows(result["comparisons"]):
             table.add_row(*row)
         plain_console().print(table)
     else:
@@ -44,13 +44,13 @@ def print_fusion(found: Mapping[str, Any], written: Sequence[Path]) -> None:
     print("wrote", *map(str, written), sep="\n  ", flush=True)
 
 
-def write_fusion_page(path: Path, found: Mapping[str, Any], scene: Scene) -> Path:
-    """The same as a page with the surfaces, which needs nothing beside it."""
+def write_fusion_page(path: Path, result: Mapping[str, Any], scene: Scene) -> Path:
+    """Write the results and the surfaces as one self-contained page."""
     facts = {
         "title": f"{scene.title}, fused",
-        "found": found,
-        "headings": ["", *found["comparisons"]],
-        "rows": _rows(found["comparisons"]) if found["comparisons"] else [],
+        "result": result,
+        "headings": ["", *result["comparisons"]],
+        "rows": _rows(result["comparisons"]) if result["comparisons"] else [],
         "scenes": as_script([scene]),
     }
     return write_page(path, "fusion.html", facts)

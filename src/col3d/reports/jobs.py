@@ -1,4 +1,4 @@
-"""What the folder of a training says of it: the files that it keeps while it runs and when it ends."""
+"""Jobs of a sweep: state of each training, read from the files in its folder."""
 
 import fcntl
 import os
@@ -14,7 +14,7 @@ from col3d.reports.shapes import read_object
 
 STATUS, RESULT, LOCK, PLAN = "status.json", "result.json", ".lock", "sweep.json"
 TRAINING = "training"
-"""What its folder is said to own its files as; see `col3d.io.ownership`."""
+"""Kind of owner of the files in the folder of a training; see `col3d.io.ownership`."""
 STATES = ("done", "running", "preempted", "cut off", "failed", "missing")
 """`cut off`: neither running nor ended, as after a power cut."""
 
@@ -24,10 +24,10 @@ class Job:
     """One training of a sweep.
 
     Attributes:
-        name: of its folder.
+        name: name of its folder.
         state: one of `STATES`.
-        status: what it said last; empty where it never ran.
-        result: what it ended in; empty where it has not.
+        status: content of status.json; empty if it never ran.
+        result: content of result.json; empty if it has not ended.
     """
 
     name: str
@@ -37,7 +37,7 @@ class Job:
 
 
 def read_job(folder: Path) -> Job:
-    """What became of the training of a folder."""
+    """Read the state of the training in a folder."""
     status, result = read_plain(folder / STATUS), read_plain(folder / RESULT)
     return Job(folder.name, _state(folder, status, result), status, result)
 
@@ -47,12 +47,12 @@ def _state(folder: Path, status: dict[str, Any], result: dict[str, Any]) -> str:
         return "running"
     if result:
         return "done"
-    said = str(status.get("state", "missing"))
-    return "cut off" if said in ("running", "done") else said
+    recorded = str(status.get("state", "missing"))
+    return "cut off" if recorded in ("running", "done") else recorded
 
 
 def is_locked(folder: Path) -> bool:
-    """Whether another process holds the lock of a folder; not to be asked by the one that does."""
+    """Whether another process holds the lock of a folder; the process that holds it must not call this."""
     try:
         descriptor = os.open(folder / LOCK, os.O_RDWR)
     except OSError:
@@ -70,7 +70,7 @@ def is_locked(folder: Path) -> bool:
 
 
 def add_to_plan(sweep: Path, jobs: Mapping[str, Sequence[str]], command: str) -> None:
-    """Note the jobs of a sweep: their folders and overrides; those of other commands stay.
+    """Add jobs, as folders with their overrides, to the plan of a sweep; jobs of other commands stay.
 
     Raises:
         UserError: the folder has a file of others under the name of the plan.
@@ -101,7 +101,7 @@ def read_sweep(sweep: Path) -> list[Job]:
 
 
 def read_plain(path: Path) -> dict[str, Any]:
-    """A JSON object of the shape that the name of its file stands for; empty where there is none."""
+    """Read a JSON object and check it by the name of its file; empty if it is absent or does not fit."""
     try:
         return read_object(path)
     except (OSError, ValueError):

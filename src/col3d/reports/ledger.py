@@ -28,15 +28,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     sweep = parser.parse_args(arguments).sweep
     jobs = read_sweep(sweep) if sweep.is_dir() else []
     if not jobs:
-        what = "holds no job" if sweep.is_dir() else "is no folder"
-        print(f"error: SWEEP: {sweep} {what}; give the hydra.sweep.dir of a sweep", file=sys.stderr)
+        fault = "holds no job" if sweep.is_dir() else "is no folder"
+        print(f"error: SWEEP: {sweep} {fault}; give the hydra.sweep.dir of a sweep", file=sys.stderr)
         return EXIT_CODE
     print_ledger(jobs)
     return 0
 
 
 def print_ledger(jobs: Sequence[Job], console: Console | None = None) -> None:
-    """A row for each job, and how many there are of each state."""
+    """Print a row for each job, and the number of jobs in each state."""
     console = console or plain_console()
     if not console.is_terminal:
         console.width = max(console.width, LOG_WIDTH)
@@ -48,7 +48,7 @@ def print_ledger(jobs: Sequence[Job], console: Console | None = None) -> None:
     table.add_column("said last", overflow="fold")
     for job in jobs:
         state = Text(job.state, style=STYLES.get(job.state, "yellow"))
-        table.add_row(Text(job.name), state, _epochs(job), _time(job), _score(job), Text(_said(job)))
+        table.add_row(Text(job.name), state, _epochs(job), _time(job), _score(job), Text(_remark(job)))
     console.print(table)
     counts = Counter(job.state for job in jobs)
     console.print(", ".join(f"{counts[state]} {state}" for state in STATES if counts[state]))
@@ -74,8 +74,8 @@ def _score(job: Job) -> str:
     return "" if score is None else f"{score:.4f}"
 
 
-def _said(job: Job) -> str:
-    """The error of one that failed; where one is that runs."""
+def _remark(job: Job) -> str:
+    """The error of a failed job; the process and host of a running one."""
     if job.state == "failed":
         return str(job.status.get("error", ""))
     if job.state == "running" and "process" in job.status:

@@ -1,4 +1,4 @@
-"""What a reader has to know of the cells of a table."""
+"""Notes below a table: missing metrics, partial means and the kinds of intervals."""
 
 from dataclasses import dataclass, field
 
@@ -7,7 +7,7 @@ from col3d.reports.statistics import Interval
 
 @dataclass
 class Notes:
-    """Collects what a reader has to know of the cells of a table."""
+    """Collects the notes below a table, such as metrics that its rows lack."""
 
     missing: dict[str, dict[str, list[str]]] = field(default_factory=dict)
     partial: dict[tuple[str, int, int], list[str]] = field(default_factory=dict)
@@ -15,7 +15,7 @@ class Notes:
     more: list[str] = field(default_factory=list)
 
     def lines(self) -> list[str]:
-        """As sentences."""
+        """The notes as sentences."""
         partial = [
             f"{row}: {lacking} of {frames} frames have no {', '.join(metrics)} and are not in its mean."
             for (row, lacking, frames), metrics in self.partial.items()
@@ -23,22 +23,22 @@ class Notes:
         return [*self._intervals(), *self._missing(), *partial, *self.more]
 
     def lacks(self, row: str, runs: str, metric: str) -> None:
-        """Remember that runs of a row do not have a metric that others have."""
+        """Record that runs of a row do not have a metric that others have."""
         metrics = self.missing.setdefault(row, {}).setdefault(runs, [])
         metrics += [metric] if metric not in metrics else []
 
     def lacks_in(self, row: str, lacking: int, frames: int, metric: str) -> None:
-        """Remember that some frames of a row do not have a metric."""
+        """Record that some frames of a row do not have a metric."""
         metrics = self.partial.setdefault((row, lacking, frames), [])
         metrics += [metric] if metric not in metrics else []
 
     def add(self, note: str) -> None:
-        """Remember a sentence, once."""
+        """Add a sentence, once."""
         if note not in self.more:
             self.more.append(note)
 
     def interval(self, row: str, interval: Interval | None) -> None:
-        """Remember what the intervals of a row are over."""
+        """Record what the intervals of a row are over."""
         rows = self.over.setdefault("" if interval is None else interval.over, [])
         if row not in rows:
             rows.append(row)
@@ -56,13 +56,13 @@ class Notes:
         ]
 
     def _intervals(self) -> list[str]:
-        said = []
+        sentences = []
         for over, rows in self.over.items():
             whose = "" if len(self.over) == 1 else f" ({', '.join(rows)})"
             alone = {"videos": ", there being one seed", "seeds": ", there being one video"}.get(over, "")
-            said.append(
+            sentences.append(
                 f"Intervals{whose}: over {over}{alone}."
                 if over
                 else f"No interval{whose}: one video and one seed."
             )
-        return said
+        return sentences

@@ -1,4 +1,4 @@
-"""Reads config.yaml of runs: single options, and whether two runs are repetitions of each other."""
+"""Read options from runs' config.yaml, and tell whether two runs are repetitions of each other."""
 
 import json
 from typing import Any
@@ -34,24 +34,24 @@ def _term(given: Any) -> str:
     content = given if isinstance(given, dict) else {"term": given}
     usual = {"term": content.get("term"), "geometry": "rays"}
     changed = {k: v for k, v in content.items() if k != "from_epoch" and usual.get(k) != v}
-    said = ", ".join(f"{name}={value}" for name, value in changed.items())
-    return f"{content.get('term')}({said})" if said else str(content.get("term"))
+    arguments = ", ".join(f"{name}={value}" for name, value in changed.items())
+    return f"{content.get('term')}({arguments})" if arguments else str(content.get("term"))
 
 
 def fingerprint(options: dict[str, Any]) -> str:
-    """The same for runs that differ by their seed and by where and how they are written."""
+    """Text that is equal for runs that differ only by seed and by where and how they are written."""
     return json.dumps(_related(options), sort_keys=True, default=str)
 
 
 def differing(one: dict[str, Any], other: dict[str, Any]) -> str:
     """Names and values of the options in which runs differ, as text."""
-    ours, theirs = _related(one), _related(other)
-    names = sorted(name for name in ours.keys() | theirs.keys() if ours.get(name) != theirs.get(name))
-    return ", ".join(f"{name} ({ours.get(name)}, {theirs.get(name)})" for name in names)
+    first, second = _related(one), _related(other)
+    names = sorted(name for name in first.keys() | second.keys() if first.get(name) != second.get(name))
+    return ", ".join(f"{name} ({first.get(name)}, {second.get(name)})" for name in names)
 
 
 def _related(options: dict[str, Any]) -> dict[str, Any]:
-    """Dotted options that matter; what older runs lack and had, or is None, counts as not given."""
+    """Dotted options that matter; None, and defaults of options that older runs lack, count as not given."""
     dotted = _dotted(options, "")
     flat = {name: value for name, value in dotted if value is not None and ADDED.get(name, MISSING) != value}
     unread = {"phantom"} if at(options, "data.name") != "phantom" else set()

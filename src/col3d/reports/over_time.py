@@ -1,4 +1,4 @@
-"""Depth of a video and how it flickers, over time, as one picture."""
+"""Plot depth and flicker of a video over time."""
 
 import csv
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The report: one HTML page that needs nothing beside it, the same as Markdown, and each table as files."""
+"""Write a report: one self-contained HTML page, the same as Markdown, and each table as files."""
 
 import platform
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ from col3d.reports.templating import filled
 NOT_RECORDED = "not recorded"
 PAGES = ("report.html", "report.md")
 FORMATS = {"md": render.markdown, "tex": render.latex, "csv": render.comma_separated}
-"""Of tables, by the ending."""
+"""Renderers of tables by file ending."""
 BY_PART = ("benchmark", "ablation")
 """Experiments that are also shown by segment and by video."""
 
@@ -31,7 +31,7 @@ class Picture:
     """A figure of the report.
 
     Attributes:
-        path: of a PNG or SVG file inside the report's folder.
+        path: PNG or SVG file inside the report's folder.
     """
 
     title: str
@@ -51,7 +51,7 @@ def tables_of(experiments: Sequence[Experiment]) -> list[Table]:
 
 def write_report(
     out: Path,
-    found: Found,
+    collected: Found,
     experiments: Sequence[Experiment],
     pictures: Sequence[Picture],
     not_drawn: Sequence[str],
@@ -61,14 +61,14 @@ def write_report(
 
     Args:
         out: the folder; made where it is not there.
-        found: for the sections of runs and of what is left out.
-        experiments: what the tables are of.
+        collected: runs and left-out folders, for the sections on both.
+        experiments: source of the tables.
         pictures: figures, already drawn.
-        not_drawn: a line for each figure that is not there, and why.
-        source: how the runs are called: the folder that was searched.
+        not_drawn: a line for each figure that was not drawn, with the reason.
+        source: the folder that was searched, as the page names it.
 
     Returns:
-        What was written.
+        Paths of the files that were written.
     """
     tables = tables_of(experiments)
     facts = {
@@ -76,8 +76,8 @@ def write_report(
         "tables": tables,
         "pictures": pictures,
         "not_drawn": without_places(not_drawn),
-        "runs": [_facts(run) for run in found.runs],
-        "left_out": without_places([*found.left_out, *_not_in_tables(experiments)]),
+        "runs": [_facts(run) for run in collected.runs],
+        "left_out": without_places([*collected.left_out, *_not_in_tables(experiments)]),
         "phantom": PHANTOM if any(e.setting.data == "phantom" for e in experiments) else "",
         "versions": f"Python {platform.python_version()}",
         "out": out,
@@ -105,13 +105,13 @@ def _write_tables(folder: Path, tables: Sequence[Table]) -> list[Path]:
 
 
 def names_of(experiments: Sequence[Experiment]) -> list[str]:
-    """What `write_report` writes into its folder, beside the pictures."""
+    """Names of the files that `write_report` writes, without the pictures."""
     tables = [f"tables/{table.name}.{ending}" for table in tables_of(experiments) for ending in FORMATS]
     return [*PAGES, *tables]
 
 
 def _facts(run: Run) -> dict[str, Any]:
-    """What the section on runs says of one."""
+    """Facts of one run for the page's section on runs."""
     summary = run.summary
     versions = summary.get("versions") or {}
     best = summary.get("best") or {}

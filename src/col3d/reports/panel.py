@@ -1,4 +1,4 @@
-"""One picture of a frame: image, truth, prediction and error of depth, and of normals where there are."""
+"""Panel of a frame: image, truth, prediction and error of depth, and of normals where they exist."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The numbers that the Col3D-MTL paper prints, carried along as data (`paper/*.csv`)."""
+"""Tables of the Col3D-MTL paper, read from `paper/*.csv`."""
 
 import csv
 from functools import cache
@@ -7,7 +7,7 @@ from importlib.resources import files
 from col3d.registry.metric_specs import OURS
 
 SPLIT_PARTS = {"ablation": "val", "lambda": "val", "benchmark": "test", "per_segment": "test"}
-"""What the paper evaluates on in each of its tables."""
+"""Part of the split that each table of the paper is evaluated on."""
 Values = dict[str, tuple[float, float | None]]
 """Metric -> mean and, where it is printed, standard deviation; shares of normals in percent, as printed."""
 
@@ -24,7 +24,7 @@ def paper_table(name: str) -> dict[str, Values]:
 
 @cache
 def methods() -> dict[str, str]:
-    """What the paper calls each network, by its name here."""
+    """The paper's name of each network, by the network's name here."""
     return {row["model"]: row["label"] for row in _rows("methods")}
 
 
@@ -35,18 +35,18 @@ def training_shares() -> dict[str, float]:
 
 
 def _rows(name: str) -> list[dict[str, str]]:
-    """One of the files; metrics are called in them as in `per_frame.csv`."""
+    """Rows of one of the files; metrics have the names that they have in `per_frame.csv`."""
     text = files("col3d.reports").joinpath(f"paper/{name}.csv").read_text("utf-8")
     return list(csv.DictReader(text.splitlines()))
 
 
 def ablation_label(model: str, normals: str | None) -> str:
-    """BTS-CBAM-MTL (L1), for one."""
+    """Label of a row of the ablation, such as `BTS-CBAM-MTL (L1)`."""
     return methods()[model] + (f" ({normals.upper()})" if normals else "")
 
 
 def lambda_label(lambdas: tuple[float, ...]) -> str:
-    """(0.5, 0.3, 0.2), for one."""
+    """Label of a triple of loss weights, such as `(0.5, 0.3, 0.2)`."""
     return f"({', '.join(f'{weight:g}' for weight in lambdas)})"
 
 

@@ -10,10 +10,10 @@ from col3d.registry.earlier import NAMES
 from col3d.registry.metric_specs import OURS, MetricSpec
 
 AVERAGES = ("frame", "video", "pixel")
-"""What weighs the same in a mean."""
+"""Units that weigh the same in a mean."""
 IDENTITY = ("model", "seed", "data", "split", "video", "segment", "texture", "frame", "protocol")
 PIXELS = "pixels"
-"""How many pixels a frame counted; tables of before lack it."""
+"""Column with the number of pixels of a frame that count; older tables lack it."""
 Row = Mapping[str, str | int | float]
 
 
@@ -21,8 +21,8 @@ def write_per_frame(path: Path, rows: Iterable[Row], metrics: Iterable[str] = tu
     """Write the table in one step; metrics that a model does not have stay empty.
 
     Args:
-        path: of the table.
-        rows: a mapping by column for each frame.
+        path: file to write.
+        rows: for each frame its values by column.
         metrics: names of the columns of metrics.
 
     Raises:
@@ -36,10 +36,10 @@ def write_per_frame(path: Path, rows: Iterable[Row], metrics: Iterable[str] = tu
 
 
 def read_per_frame(path: Path) -> list[dict[str, str]]:
-    """The rows of a table as text; it has the metrics that were known when it was written.
+    """Read the rows of a table as text; an older table has the metrics of its time.
 
     Raises:
-        ValueError: a column that says which frame a row is of is missing.
+        ValueError: a column that identifies the frame of a row is missing.
     """
     with path.open(newline="", encoding="utf-8") as file:
         reader = csv.DictReader(file)
@@ -51,9 +51,9 @@ def read_per_frame(path: Path) -> list[dict[str, str]]:
 
 def metrics_in(rows: Iterable[Row]) -> list[str]:
     """Names of the metrics that rows have: ours in their order, then others in that of the columns."""
-    found = dict.fromkeys(name for row in rows for name in row if isinstance(name, str))
-    others = [name for name in found if name not in OURS and name not in (*IDENTITY, PIXELS)]
-    return [*(name for name in OURS if name in found), *others]
+    names = dict.fromkeys(name for row in rows for name in row if isinstance(name, str))
+    others = [name for name in names if name not in OURS and name not in (*IDENTITY, PIXELS)]
+    return [*(name for name in OURS if name in names), *others]
 
 
 def means(
@@ -62,10 +62,10 @@ def means(
     """Mean of every metric that the rows have; a frame without valid pixels has none.
 
     Args:
-        rows: of one run.
-        average: what weighs the same: each "frame", each "video" whatever its length, or each "pixel" that
-            counts, where the metric's spec says how: see `MetricSpec.over_pixels`.
-        specs: of the metrics; one without a spec has no mean over pixels.
+        rows: rows of one run.
+        average: unit that weighs the same: each "frame", each "video" whatever its length, or each "pixel"
+            that counts, where the metric's spec says how: see `MetricSpec.over_pixels`.
+        specs: specs of the metrics; one without a spec has no mean over pixels.
 
     Raises:
         ValueError: the average is unknown.
@@ -73,8 +73,8 @@ def means(
     if average not in AVERAGES:
         raise ValueError(f"average: expected {', '.join(AVERAGES)}, got {average!r}")
     if average == "video":
-        return _mean_of([means(of_it, specs=specs) for of_it in by_video(rows).values()])
-    found = {}
+        return _mean_of([means(video_rows, specs=specs) for video_rows in by_video(rows).values()])
+    averages = {}
     for name in metrics_in(rows):
         over_pixels = specs[name].over_pixels if name in specs else None
         if average == "pixel" and over_pixels is None:
@@ -84,14 +84,14 @@ def means(
         power = 2 if average == "pixel" and over_pixels == "root" else 1
         total = sum(w * float(row[name]) ** power for w, row in zip(weights, having, strict=True))
         if sum(weights) > 0:
-            found[name] = (total / sum(weights)) ** (1 / power)
-    return found
+            averages[name] = (total / sum(weights)) ** (1 / power)
+    return averages
 
 
 def _mean_of(values: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    names = dict.fromkeys(name for of_video in values for name in of_video)
+    names = dict.fromkeys(name for video_means in values for name in video_means)
     having = {name: [v[name] for v in values if name in v] for name in names}
-    return {name: sum(of_it) / len(of_it) for name, of_it in having.items()}
+    return {name: sum(numbers) / len(numbers) for name, numbers in having.items()}
 
 
 def by_video(rows: Iterable[Row]) -> dict[str, list[Row]]:

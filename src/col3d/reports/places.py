@@ -1,4 +1,4 @@
-"""Removes names of folders, users and hosts from what is meant to be shared."""
+"""Remove names of folders, users and hosts from content that is meant to be shared."""
 
 import getpass
 import re
@@ -10,14 +10,14 @@ from pathlib import Path
 from typing import Any
 
 ABOVE = r"(?:file://)?(?:~[\w.-]*|(?:\.\./)*\.\.)?/(?!/)"
-"""How a path begins: at the root, at a home, or above the folder of the command."""
+"""Beginning of a path: at the root, at a home, or above the folder of the command."""
 PLACE = re.compile(rf"(?<![\w.~/<]){ABOVE}[^\s'\"`,;:(){{}}\[\]<>|]+")
 """Such a path inside a text."""
 UNNAMED = "folder"
 
 
 def without_places(content: Any) -> Any:
-    """The same text, or lists and objects of texts, with all but the last names of paths left out.
+    """Content in which absolute paths, in texts at any depth, are reduced to their last names.
 
     Paths below the folder of the command stay: `runs/default` says nothing of a machine.
     """
@@ -31,10 +31,10 @@ def without_places(content: Any) -> Any:
 
 
 def command_without_places(command: str) -> str:
-    """The same of a command line, in which paths may be quoted for their spaces."""
+    """A command line without places; paths in it may be quoted for their spaces."""
     try:
         words = shlex.split(command)
-    except ValueError:  # changed by hand
+    except ValueError:  # the command line was edited by hand
         return str(_text(command))
     return shlex.join([_word(word) for word in words])
 
@@ -53,11 +53,11 @@ def _word(word: str) -> str:
 def _text(text: str) -> str:
     if "\n" not in text and _is_place(text):
         return last_name(text)
-    return PLACE.sub(lambda found: last_name(found[0]), text)
+    return PLACE.sub(lambda match: last_name(match[0]), text)
 
 
 def _is_place(text: str) -> bool:
-    """Whether a whole text is such a path, spaces and all."""
+    """Whether a whole text is such a path, spaces included."""
     return bool(re.match(rf"{ABOVE}\S", text)) and not re.search(r"\s/|[,;]\s", text)
 
 

@@ -1,4 +1,4 @@
-"""Depth and normals as pictures in 8 bits, and several of them side by side with titles and a colour bar."""
+"""Pictures of depth and normals in 8 bits, and side-by-side pages of them with titles and a colour bar."""
 
 from collections.abc import Sequence
 from functools import lru_cache
@@ -32,7 +32,7 @@ def depth_picture(
     mask: Bool[np.ndarray, "h w"] | None = None,
     scale: str = "viridis",
 ) -> Pixels:
-    """Colours of depth or of errors, the ends of the scale for what lies beyond; grey outside the mask."""
+    """Colours of depth or of errors, clipped to the ends of the scale; grey outside the mask."""
     steps = ((depth - low) * (255 / max(high - low, 1e-6))).clip(0, 255).astype(np.uint8)
     return _masked(colours(scale)[steps], mask)
 
@@ -48,7 +48,7 @@ def normals_picture(
 def with_colour_bar(
     picture: Pixels, low: float, high: float, label: str, scale: str = "viridis"
 ) -> UInt8[np.ndarray, "down across 3"]:
-    """The picture with the scale of its colours at its right, `label` above the scale's numbers."""
+    """The picture with a colour bar at its right, `label` above the bar's numbers."""
     return SideBySide([""], picture.shape[:2], low, high, label, scale)([picture])
 
 
@@ -57,11 +57,11 @@ class SideBySide:
 
     Args:
         titles: above each picture.
-        size_hw: that every picture is shown at.
+        size_hw: height and width that every picture is shown at.
         low: depth of the lower end of the colour bar.
-        high: of its upper end.
+        high: depth of its upper end.
         label: unit of the colour bar.
-        scale: name of its colours.
+        scale: name of its colour map.
     """
 
     def __init__(

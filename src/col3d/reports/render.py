@@ -1,4 +1,4 @@
-"""Tables as Markdown, LaTeX and CSV."""
+"""Render tables as Markdown, LaTeX and CSV."""
 
 import csv
 import io
@@ -27,27 +27,27 @@ Text = Callable[[Column, Cell], str]
 
 
 def heading(column: Column) -> str:
-    """Heading with unit and the direction that is better."""
+    """Heading with unit and an arrow in the better direction."""
     unit = f" ({column.unit})" if column.unit and column.unit not in column.heading else ""
     return f"{column.heading}{unit} {ARROWS[column.better]}".strip()
 
 
 def number(column: Column, value: float | None, std: float | None = None) -> str:
-    """A mean with its standard deviation, or a dash."""
+    """Text of a mean with its standard deviation; a dash where there is none."""
     if value is None:
         return DASH
     return _minus(column.text(value)) + (f" ± {column.text(std)}" if std is not None else "")
 
 
 def interval(column: Column, cell: Cell) -> str:
-    """[low, high], or nothing."""
+    """Text [low, high] of an interval; empty where there is none."""
     if cell.low is None or cell.high is None:
         return ""
     return _minus(f"[{column.text(cell.low)}, {column.text(cell.high)}]")
 
 
 def paper(column: Column, cell: Cell) -> str:
-    """The paper's number, or nothing."""
+    """The paper's number; empty where there is none."""
     return "" if cell.paper is None else number(column, cell.paper, cell.paper_std)
 
 
@@ -55,10 +55,10 @@ def markdown(table: Table) -> str:
     """Title, caption, the table with a row each for intervals and the paper's numbers, and notes."""
     lines = [[*table.heads, *(heading(column).replace("|", r"\|") for column in table.columns)]]
     lines.append(["---"] * len(table.heads) + ["---:"] * len(table.columns))
-    for row, of_row in zip(table.rows, marks(table), strict=True):
+    for row, row_marks in zip(table.rows, marks(table), strict=True):
         own = [
             _marked(number(column, cell.value, cell.std), mark, "**{}**", "<u>{}</u>")
-            for column, cell, mark in zip(table.columns, row.cells, of_row, strict=True)
+            for column, cell, mark in zip(table.columns, row.cells, row_marks, strict=True)
         ]
         lines.append([*map(as_text, row.heads), *own])
         lines += [[*_indented(row, name), *texts] for name, texts in _below(table, row)]
@@ -79,12 +79,12 @@ def latex(table: Table) -> str:
         f"{column.latex or escape(column.heading)}{LATEX_ARROWS[column.better]}" for column in table.columns
     ]
     body = []
-    for i, (row, of_row) in enumerate(zip(table.rows, marks(table), strict=True)):
+    for i, (row, row_marks) in enumerate(zip(table.rows, marks(table), strict=True)):
         if table.grouped and i and row.heads[0] != table.rows[i - 1].heads[0]:
             body.append(r"\midrule")
         own = [
             _marked(escape(number(column, cell.value, cell.std)), mark, r"\textbf{{{}}}", r"\underline{{{}}}")
-            for column, cell, mark in zip(table.columns, row.cells, of_row, strict=True)
+            for column, cell, mark in zip(table.columns, row.cells, row_marks, strict=True)
         ]
         body.append(_latex_row([*map(escape, row.heads), *own]))
         for name, texts in _below(table, row):
@@ -140,7 +140,7 @@ def comma_separated(table: Table) -> str:
 
 
 def escape(text: str) -> str:
-    """Text as LaTeX prints it."""
+    """Escape text for LaTeX."""
     return "".join(SPECIAL.get(sign, sign) for sign in text)
 
 
@@ -149,19 +149,19 @@ def _file_key(head: str) -> str:
 
 
 def as_text(text: str) -> str:
-    """Text as Markdown prints it, underscores inside words left alone."""
+    """Escape text for Markdown; underscores inside words are left alone."""
     return re.sub(r"([\\`*\[\]<>|#]|(?<!\w)_|_(?!\w))", r"\\\1", text)
 
 
 def as_code(text: str) -> str:
-    """Text as code inside a line of Markdown, whatever backticks it has."""
+    """Format text as code inside a line of Markdown, whatever backticks it has."""
     most = max((len(run) for run in re.findall("`+", text)), default=0)
     fence, space = "`" * (most + 1), " " * bool(most)
     return f"{fence}{space}{text}{space}{fence}"
 
 
 def _minus(text: str) -> str:
-    """A minus sign instead of the hyphen."""
+    """Replace hyphens by minus signs."""
     return text.replace("-", MINUS)
 
 
@@ -170,7 +170,7 @@ def _marked(text: str, mark: str, best: str, second: str) -> str:
 
 
 def _indented(row: Line, name: str) -> list[str]:
-    """The texts of a row below another one: its name stands under the last head."""
+    """Leading texts of a row below another one: its name is under the last head."""
     return [""] * (len(row.heads) - 1) + [name]
 
 
@@ -181,7 +181,7 @@ def _below(table: Table, row: Line) -> list[tuple[str, list[str]]]:
         name: [text(column, cell) for column, cell in zip(table.columns, row.cells, strict=True)]
         for name, text in texts.items()
     }
-    return [(name, of_it) for name, of_it in rows.items() if any(of_it)]
+    return [(name, line) for name, line in rows.items() if any(line)]
 
 
 def _latex_row(cells: Sequence[str]) -> str:

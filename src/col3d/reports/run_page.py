@@ -1,4 +1,4 @@
-"""The page of a run: what it scored, how it learned, what it sees; one file that needs nothing beside it.
+"""Write the page of a run: scores, training curves and panels in one self-contained HTML file.
 
 `python -m col3d.reports.run_page runs/default` writes it anew from the run's own files.
 """
@@ -34,13 +34,13 @@ def write_run_page(folder: Path) -> Path:
     """Write `run.html` into the folder of a run or an evaluation.
 
     Args:
-        folder: that holds summary.json, and whatever else a run leaves.
+        folder: folder with summary.json, and other files of a run.
 
     Returns:
-        The page.
+        Path of the page.
 
     Raises:
-        UserError: the folder is of no finished run.
+        UserError: the folder holds no finished run.
     """
     summary = _read_summary(folder)
     config = folder / "config.yaml"
@@ -70,13 +70,13 @@ def _name_below(folder: Path, path: Path) -> str:
 
 
 def write_page(path: Path, template: str, facts: dict[str, Any]) -> Path:
-    """Fill a template, and write the page in one step."""
+    """Render a template and write the page in one step."""
     write_whole(path, filled(template, facts))
     return path
 
 
 def as_script(scenes: Sequence[Scene]) -> Markup | None:
-    """Scenes that have points as a value inside a script; None of none."""
+    """Scenes that have points, as JSON inside a script; None if there are none."""
     shown = [scene for scene in scenes if len(scene.clouds[0].points)]
     text = json.dumps([scene.plain() for scene in shown]).replace("<", "\\u003c")
     return Markup(text) if shown else None
@@ -91,7 +91,7 @@ def _read_summary(folder: Path) -> dict[str, Any]:
 
 
 def _tables(summary: dict[str, Any]) -> list[dict[str, Any]]:
-    """Depth, and normals where there are: headings and rows."""
+    """Headings and rows of the table of depth, and of that of normals where they were measured."""
     return [
         {
             "title": task.capitalize(),
@@ -104,7 +104,7 @@ def _tables(summary: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _curves(run: Run) -> str | None:
-    """A picture of the training as text; None where nothing was kept of it."""
+    """A picture of the training's curves as a data URI; None where no curves were kept."""
     if not curves(run):
         return None
     with TemporaryDirectory() as place:

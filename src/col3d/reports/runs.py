@@ -1,4 +1,4 @@
-"""The finished runs below a folder, and in words why every other one is left out."""
+"""Read the finished runs below a folder, and the reason why each other one is left out."""
 
 import json
 from collections import Counter
@@ -31,14 +31,14 @@ Metrics are those of the table: `Run.values` has NaN for others."""
 
 @dataclass(frozen=True)
 class Run:
-    """What a run, or a later evaluation of its best weights, left behind.
+    """Files of a run, or of a later evaluation of its best weights.
 
     Attributes:
-        folder: where summary.json and per_frame.csv are.
-        options: config.yaml of the training.
-        summary: summary.json.
+        folder: folder with summary.json and per_frame.csv.
+        options: content of the training's config.yaml.
+        summary: content of summary.json.
         frames: per_frame.csv by column, in the order of videos and frames.
-        name: the folder as seen from the one that was searched.
+        name: path of the folder relative to the one that was searched.
     """
 
     folder: Path
@@ -49,15 +49,15 @@ class Run:
 
     def values(self, metric: str) -> np.ndarray:
         """A metric of each frame; NaN where the frame, or the whole table, does not have it."""
-        found = self.frames.get(metric)
-        return np.full(len(self.frames["frame"]), np.nan) if found is None else found
+        column = self.frames.get(metric)
+        return np.full(len(self.frames["frame"]), np.nan) if column is None else column
 
     @property
     def specs(self) -> dict[str, MetricSpec]:
-        """What is said of the metrics: ours, those of plugins that it recorded, and its other columns."""
-        said = specs_of(self.summary)
+        """Specs of the metrics: ours, those of plugins that the run recorded, and of its other columns."""
+        specs = specs_of(self.summary)
         columns = [name for name in self.frames if name not in (*TEXT, "frame", PIXELS)]
-        return {**said, **{name: unknown(name) for name in columns if name not in said}}
+        return {**specs, **{name: unknown(name) for name in columns if name not in specs}}
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Found:
 
 
 class _UnusableError(Exception):
-    """Why a folder is left out."""
+    """Reason why a folder is left out."""
 
 
 def read_runs(root: Path) -> Found:
@@ -166,7 +166,7 @@ def _numbers(rows: list[dict[str, str]], name: str) -> np.ndarray:
 
 
 def _is_numeric(rows: list[dict[str, str]], name: str) -> bool:
-    """Whether a column that nobody knows may be a metric."""
+    """Whether a column without a known spec may be a metric: all are numbers, at least one is finite."""
     try:
         return bool(np.isfinite(_numbers(rows, name)).any())
     except ValueError:
@@ -174,7 +174,7 @@ def _is_numeric(rows: list[dict[str, str]], name: str) -> bool:
 
 
 def _check(rows: list[dict[str, str]], frames: Frames, summary: dict[str, Any]) -> None:
-    """Refuse a table that is cut short, of several runs, or with values that are no numbers."""
+    """Refuse a table that is truncated, of several runs, or with values that are not finite."""
     if len(rows) != summary["frames"] or not rows:
         raise _UnusableError(f"{TABLE} has {len(rows)} frames, {SUMMARY} says {summary['frames']}")
     for name in SAME:
@@ -189,7 +189,7 @@ def _check(rows: list[dict[str, str]], frames: Frames, summary: dict[str, Any]) 
 
 
 def _check_finite(rows: list[dict[str, str]], frames: Frames, metrics: list[str]) -> None:
-    """Refuse errors of predictions that are no numbers; metrics that a frame need not have may lack any."""
+    """Refuse metrics that are not finite, except those that a frame need not have."""
     measured = [name for name in metrics if name in frames]
     if not measured:
         return

@@ -1,4 +1,4 @@
-"""Coloured points that a page lets one turn: kept in small files, and written into the page itself."""
+"""Coloured point clouds that can be rotated in a page: stored in small files and embedded in the HTML."""
 
 import base64
 from collections.abc import Sequence
@@ -13,16 +13,16 @@ from col3d.io.atomic import whole_file
 from col3d.reports.previews import colours
 
 STEPS = 50.0
-"""Steps of 1 mm in files and pages: 16 bits reach 655 mm either way."""
+"""Quantisation steps per mm in files and pages: 16 bits reach 655 mm either way."""
 MOST = 30_000
-"""Points of one cloud in a page."""
+"""Largest number of points of one cloud in a page."""
 ERROR_SHARE = 0.98
 """Share of points whose error is below the end of its colours."""
 
 
 @dataclass(frozen=True)
 class Cloud:
-    """Points in mm with the colours of what was seen there, and in the second the page can show, if any."""
+    """Points in mm with the image's colours (`seen`), and colours of their errors (`error`) if known."""
 
     name: str
     points: Float[np.ndarray, "n 3"]
@@ -30,10 +30,10 @@ class Cloud:
     error: UInt8[np.ndarray, "n 3"] | None = None
 
     def plain(self, centre: np.ndarray) -> dict[str, Any]:
-        """As text for the page: little-endian steps from the centre, and bytes of RGB."""
+        """The cloud as base64 texts for the page: little-endian steps from the centre, and bytes of RGB."""
         steps = ((self.points - centre) * STEPS).round().clip(-32767, 32767).astype("<i2")
-        found = {"name": self.name, "points": _text(steps), "seen": _text(self.seen)}
-        return found if self.error is None else found | {"error": _text(self.error)}
+        content = {"name": self.name, "points": _text(steps), "seen": _text(self.seen)}
+        return content if self.error is None else content | {"error": _text(self.error)}
 
 
 @dataclass(frozen=True)
@@ -41,10 +41,10 @@ class Scene:
     """Clouds in the same coordinates, beside one another.
 
     Attributes:
-        title: what one chooses it by.
-        clouds: turned together, about the middle of the first.
-        largest_error: mm at the upper end of the colours of errors; None without those.
-        from_camera: whether the coordinates are a camera's, so that it is first seen from there.
+        title: name in the page's list of scenes.
+        clouds: rotated together, about the median point of the first.
+        largest_error: mm at the upper end of the error colours; None without errors.
+        from_camera: whether the coordinates are a camera's; the first view is then from the camera.
     """
 
     title: str
@@ -53,7 +53,7 @@ class Scene:
     from_camera: bool
 
     def plain(self) -> dict[str, Any]:
-        """As values for JSON."""
+        """The scene as values for JSON."""
         first = self.clouds[0].points
         centre = np.median(first, axis=0)
         reach = float(np.quantile(np.linalg.norm(first - centre, axis=1), 0.95))
@@ -73,7 +73,7 @@ def save_frame(
     prediction: Float[np.ndarray, "n 3"],
     seen: UInt8[np.ndarray, "n 3"],
 ) -> None:
-    """Keep the true and the predicted points of the pixels of one frame, in mm, and their colours."""
+    """Save the true and the predicted points of one frame's pixels, in mm, and their colours."""
     chosen = thinned(len(truth), MOST)
     as_steps = [(points[chosen] * STEPS).round().clip(-32767, 32767) for points in (truth, prediction)]
     with whole_file(path) as file:
@@ -86,10 +86,10 @@ def save_frame(
 
 
 def read_frame(path: Path) -> Scene:
-    """The scene of a frame that was kept.
+    """Read the scene of a frame that `save_frame` wrote.
 
     Raises:
-        ValueError: the file is none of those.
+        ValueError: the file does not hold the points of a frame.
     """
     try:
         with np.load(path, allow_pickle=False) as kept:
@@ -108,13 +108,13 @@ def read_frame(path: Path) -> Scene:
 
 
 def error_colours(off: Float[np.ndarray, " n"], largest: float) -> UInt8[np.ndarray, "n 3"]:
-    """Colours of errors from 0 to `largest` and beyond."""
+    """Colours of errors from 0 to `largest`; larger errors have the last colour."""
     chosen: np.ndarray = colours("magma")[(off * (255 / largest)).clip(0, 255).astype(np.uint8)]
     return chosen
 
 
 def thinned(count: int, most: int = MOST) -> Sequence[int] | slice:
-    """Which of so many points are kept: all, or some at random, the same each time."""
+    """Indices of the points that are kept: all, or `most` at random, the same each time."""
     if count <= most:
         return slice(None)
     chosen: np.ndarray = np.sort(np.random.default_rng(0).choice(count, most, replace=False))

@@ -1,4 +1,4 @@
-"""The screen, on which names stand as they are."""
+"""Rich console that prints text without interpreting markup."""
 
 from rich.console import Console
 

@@ -1,4 +1,4 @@
-"""What numbers have to share to stand in one table: data, split, part, protocol, size and frames."""
+"""Setting of an evaluation: the data, split, protocol, size and frames that all runs of a table share."""
 
 import hashlib
 import json
@@ -13,7 +13,7 @@ class Setting:
     """Equal for runs that were trained on the same videos and scored on the same frames in the same way.
 
     Attributes:
-        digest: of the lists of videos and of the frames that were scored.
+        digest: short hash of the lists of videos and of the frames that were scored.
     """
 
     data: str
@@ -34,14 +34,14 @@ class Setting:
 
     @property
     def named(self) -> str:
-        """With the digest: two settings may differ by nothing else."""
+        """Text with the digest, for two settings may differ by nothing else."""
         return f"{self}, list {self.digest}"
 
 
 def setting_of(run: Run) -> Setting:
     """The setting that a run was scored in."""
-    of_summary = at(run.summary, "size") or at(run.summary, "cost.size")
-    size = of_summary or at(run.options, "data.size") or ("unknown",)
+    recorded = at(run.summary, "size") or at(run.summary, "cost.size")
+    size = recorded or at(run.options, "data.size") or ("unknown",)
     scored = list(zip(run.frames["video"].tolist(), run.frames["frame"].tolist(), strict=True))
     lists = json.dumps([at(run.options, "data.split"), scored], sort_keys=True)
     return Setting(

@@ -1,4 +1,4 @@
-"""What the JSON files of runs hold; a file of another shape counts as broken, and ends no program."""
+"""Schemas of the JSON files of runs; a file that does not fit counts as broken and ends no program."""
 
 import json
 from pathlib import Path
@@ -9,11 +9,11 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Count = Annotated[int, Field(ge=0, lt=2**63)]
 Scores = dict[str, Finite | None]
-"""By name; null where a number was not finite."""
+"""Scores by name; null where a number was not finite."""
 
 
 class _Shape(BaseModel):
-    """Types of the fields that are read; what else is in a file stays in it."""
+    """Base of schemas: checks the fields that are read and keeps all others."""
 
     model_config = ConfigDict(extra="allow", strict=True)
 
@@ -101,15 +101,15 @@ SHAPES: dict[str, type[_Shape]] = {
     "sweep.json": _Plan,
     "summary.json": _Summary,
 }
-"""By the names of files."""
+"""Schemas by file name."""
 
 
 def misfit(name: str, content: Any) -> str:
-    """The first thing that is not as in a file of this name, in words; empty where all is.
+    """Describe the first value that does not fit the schema of a file; empty if all fit.
 
     Args:
-        name: of the file, without its folder.
-        content: of the file.
+        name: file name, without its folder.
+        content: parsed content of the file.
     """
     if not isinstance(content, dict):
         return f"expected an object, got {type(content).__name__}"
@@ -123,11 +123,11 @@ def misfit(name: str, content: Any) -> str:
 
 
 def read_object(path: Path) -> dict[str, Any]:
-    """A JSON object of the shape that the name of its file stands for.
+    """Read a JSON object and check it against the schema of its file name.
 
     Raises:
-        OSError: it cannot be read.
-        ValueError: it is no JSON, or of another shape; says what is wrong.
+        OSError: the file cannot be read.
+        ValueError: it is no JSON, or does not fit the schema; the message says why.
     """
     try:
         content = json.loads(path.read_text(encoding="utf-8"))

@@ -1,4 +1,4 @@
-"""How much of the training each segment of the colon makes up, told from a run's config.yaml."""
+"""Number of training frames of each segment of the colon, from a run's config.yaml."""
 
 import csv
 import re
@@ -9,20 +9,20 @@ from typing import Any
 from col3d.reports.options import at
 
 BEFORE_2023_05 = {"sigmoid_t1_a": 800}
-"""Frames of videos that the earlier release of C3VD holds more of."""
+"""Number of frames of videos that are longer in the earlier release of C3VD."""
 
 
 def training_frames(options: dict[str, Any]) -> dict[str, int] | None:
     """Segment -> frames on the list of training videos; None where a video's length is not known."""
-    found: dict[str, int] = {}
+    frames: dict[str, int] = {}
     for entry in at(options, "data.split.train") or ():
         name, _, last = str(entry).partition(":")
         video = _videos().get(name)
         if video is None:
             return None
         length = _length(options, video, last)
-        found[video["segment"]] = found.get(video["segment"], 0) + length
-    return found or None
+        frames[video["segment"]] = frames.get(video["segment"], 0) + length
+    return frames or None
 
 
 def _length(options: dict[str, Any], video: dict[str, str], limits: str) -> int:
@@ -36,7 +36,7 @@ def _length(options: dict[str, Any], video: dict[str, str], limits: str) -> int:
 
 @cache
 def _videos() -> dict[str, dict[str, str]]:
-    """Rows of the table of videos by each of their names: of then, of today, and in the paper."""
+    """Rows of the table of videos by each name of a video: in the paper, as released, and in use here."""
     text = files("col3d").joinpath("data/datasets/videos.csv").read_text("utf-8")
     rows = list(csv.DictReader(text.splitlines()))
     names = ("label", "released_as", "video")

@@ -1,4 +1,4 @@
-"""Means over frames, and how sure they are: frames of a video are alike, so whole videos are drawn."""
+"""Means over frames and their bootstrap intervals; whole videos are drawn, as frames of a video are alike."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ DRAWS, LEVEL, GENERATOR_SEED = 2000, 0.95, 0
 
 @dataclass(frozen=True)
 class Sample:
-    """Values of a metric with the seed, video and frame that each is of."""
+    """Values of a metric, with the seed, video and frame of each."""
 
     values: np.ndarray
     seeds: np.ndarray
@@ -22,7 +22,7 @@ class Sample:
 
 @dataclass(frozen=True)
 class Interval:
-    """The middle 95 % of the bootstrap; `over` says what was drawn anew."""
+    """The middle 95 % of the bootstrap; `over` names what was resampled."""
 
     low: float
     high: float
@@ -31,7 +31,7 @@ class Interval:
 
 @dataclass(frozen=True)
 class Difference:
-    """Mean over the frames that both have, ours less the baseline's."""
+    """Mean over the frames that both have of our value minus the baseline's."""
 
     mean: float
     interval: Interval | None
@@ -57,12 +57,12 @@ def cluster_bootstrap(sample: Sample, draws: int = DRAWS, seed: int = GENERATOR_
     """The 95 % percentile interval of the mean over frames.
 
     Videos are drawn with replacement, and so are seeds, independently of each other; the frames of a drawn
-    video stay together. Of videos or seeds that there is only one of, none are drawn.
+    video stay together. A single video, or a single seed, is not drawn anew.
 
     Args:
-        sample: at least one value.
-        draws: how many means are taken.
-        seed: of the random generator.
+        sample: values of the metric, at least one.
+        draws: number of resampled means.
+        seed: seed of the random generator.
 
     Returns:
         The interval, or None where there is one video and one seed.
@@ -100,12 +100,12 @@ def paired_difference(ours: Sample, baseline: Sample) -> Difference | None:
         ours, baseline, note = _mean_of_seeds(ours), _mean_of_seeds(baseline), "no seed in common"
     elif len(shared) < max(len(np.unique(ours.seeds)), len(np.unique(baseline.seeds))):
         note = f"seeds {', '.join(map(str, shared))} alone"
-    theirs = dict(zip(_keys(baseline), baseline.values, strict=True))
-    keys = [(i, key) for i, key in enumerate(_keys(ours)) if key in theirs]
+    baseline_values = dict(zip(_keys(baseline), baseline.values, strict=True))
+    keys = [(i, key) for i, key in enumerate(_keys(ours)) if key in baseline_values]
     if not keys:
         return None
     kept = [i for i, _ in keys]
-    values = ours.values[kept] - np.array([theirs[key] for _, key in keys])
+    values = ours.values[kept] - np.array([baseline_values[key] for _, key in keys])
     pairs = Sample(values, ours.seeds[kept], ours.videos[kept], ours.frames[kept])
     return Difference(float(values.mean()), cluster_bootstrap(pairs), len(kept), note)
 
@@ -115,11 +115,11 @@ def _keys(sample: Sample) -> list[tuple[int, str, int]]:
 
 
 def _mean_of_seeds(sample: Sample) -> Sample:
-    """One value a frame."""
-    found: dict[tuple[str, int], list[float]] = {}
+    """Mean over the seeds of each frame: one value a frame."""
+    by_frame: dict[tuple[str, int], list[float]] = {}
     for (_, video, frame), value in zip(_keys(sample), sample.values.tolist(), strict=True):
-        found.setdefault((video, frame), []).append(value)
-    videos, frames = (np.array(column) for column in zip(*found, strict=True))
+        by_frame.setdefault((video, frame), []).append(value)
+    videos, frames = (np.array(column) for column in zip(*by_frame, strict=True))
     return Sample(
-        np.array([np.mean(v) for v in found.values()]), np.zeros(len(found), np.int64), videos, frames
+        np.array([np.mean(v) for v in by_frame.values()]), np.zeros(len(by_frame), np.int64), videos, frames
     )

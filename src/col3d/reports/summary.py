@@ -1,4 +1,4 @@
-"""`summary.json` of a run, and the same as a table on screen."""
+"""Summary of a run: the content of `summary.json`, and a table of it on screen."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -13,7 +13,7 @@ from col3d.reports.per_frame import Row, by_video, means, metrics_in
 from col3d.reports.screen import plain_console
 
 LOG_WIDTH = 120
-"""Columns to take where the output is no terminal."""
+"""Width in columns where the output is no terminal."""
 ALL_FRAMES, BASELINE = "all frames", "mean training depth"
 
 
@@ -26,7 +26,8 @@ def summarise(
     """Means over all frames and by video, beside facts about the run and the specs of its metrics."""
     inside = "pixel" if average == "pixel" else "frame"
     videos = {
-        name: {"frames": len(of_it), **means(of_it, inside, specs)} for name, of_it in by_video(rows).items()
+        name: {"frames": len(video_rows), **means(video_rows, inside, specs)}
+        for name, video_rows in by_video(rows).items()
     }
     return {
         **facts,
@@ -40,7 +41,7 @@ def summarise(
 
 
 def specs_of(summary: Mapping[str, Any]) -> dict[str, MetricSpec]:
-    """What is said of the metrics of a run: ours, then those that its summary brings along."""
+    """Specs of the metrics of a run: ours, then those that its summary records."""
     recorded = specs_from(summary.get("metric_specs") or {})
     return {**OURS, **{name: spec for name, spec in recorded.items() if name not in OURS}}
 
@@ -50,14 +51,14 @@ def on_screen(summary: Mapping[str, Any]) -> dict[str, list[MetricSpec]]:
     specs = [spec for spec in specs_of(summary).values() if spec.on_screen]
     tables = {task: [spec for spec in specs if spec.task == task] for task in TASKS}
     return {
-        task: [spec for spec in of_task if spec.name in summary["metrics"] or spec.name in OURS]
-        for task, of_task in tables.items()
-        if task == TASKS[0] or any(spec.name in summary["metrics"] for spec in of_task)
+        task: [spec for spec in task_specs if spec.name in summary["metrics"] or spec.name in OURS]
+        for task, task_specs in tables.items()
+        if task == TASKS[0] or any(spec.name in summary["metrics"] for spec in task_specs)
     }
 
 
 def print_summary(summary: Mapping[str, Any], console: Console | None = None) -> None:
-    """All metrics by video and over all frames, with the mean training depth as the score to beat."""
+    """Print all metrics by video and over all frames, with the mean training depth as the score to beat."""
     console = console or plain_console()
     if not console.is_terminal:
         console.width = max(console.width, LOG_WIDTH)

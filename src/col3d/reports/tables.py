@@ -1,4 +1,4 @@
-"""A table of results: what every cell holds, and which are best."""
+"""Tables of results: columns, cells, rows, and which cells are best."""
 
 from dataclasses import dataclass, replace
 
@@ -7,16 +7,16 @@ from col3d.registry.metric_specs import OURS, MetricSpec
 
 @dataclass(frozen=True)
 class Column:
-    """What a column measures and how it is printed.
+    """Metric or fact of a table's column, and how it is printed.
 
     Attributes:
         key: name in files.
-        heading: for people.
+        heading: heading for readers.
         latex: heading in LaTeX; the other one, escaped, where it is empty.
         better: "down", "up", or "" where neither is.
         decimals: digits after the point.
-        scale: what values of `per_frame.csv` are multiplied by: 100 for shares that the paper has in percent.
-        task: what it is measured on: "depth", "normals", or "" for all else.
+        scale: factor of the values of `per_frame.csv`: 100 for shares that the paper has in percent.
+        task: the task that it measures: "depth", "normals", or "" for all else.
     """
 
     key: str
@@ -30,17 +30,17 @@ class Column:
 
     @property
     def file_key(self) -> str:
-        """Name in CSV files: says where values are not those of `per_frame.csv`."""
+        """Name in CSV files, which marks values in other units than those of `per_frame.csv`."""
         return f"{self.key}_percent" if self.scale == 100 else self.key
 
     def text(self, value: float) -> str:
-        """A number as it is printed."""
+        """Format a number as it is printed."""
         return f"{value:.{self.decimals}f}"
 
 
 @dataclass(frozen=True)
 class Cell:
-    """A number of ours in the column's unit, how sure it is, and the paper's."""
+    """Our number in the column's unit with its uncertainty, and the paper's number."""
 
     value: float | None = None
     std: float | None = None
@@ -60,11 +60,11 @@ class Line:
 
 @dataclass(frozen=True)
 class Table:
-    """What a report shows.
+    """A table of a report.
 
     Attributes:
-        name: of its files.
-        heads: headings of the leading texts.
+        name: name of its files.
+        heads: headings of the leading columns of text.
         grouped: whether rows compete only with those of the same first text.
     """
 
@@ -100,15 +100,15 @@ def signed(column: Column) -> Column:
 
 def marks(table: Table) -> list[list[str]]:
     """`best`, `second` or nothing for each cell, by what is printed: equal numbers are marked alike."""
-    found = [["" for _ in table.columns] for _ in table.rows]
+    result = [["" for _ in table.columns] for _ in table.rows]
     groups: dict[str, list[int]] = {}
     for i, row in enumerate(table.rows):
         groups.setdefault(row.heads[0] if table.grouped else "", []).append(i)
     for members in groups.values():
         for j, column in enumerate(table.columns):
             for i, mark in _ranked(table, members, j, column).items():
-                found[i][j] = mark
-    return found
+                result[i][j] = mark
+    return result
 
 
 def _ranked(table: Table, members: list[int], j: int, column: Column) -> dict[int, str]:

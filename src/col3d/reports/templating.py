@@ -1,4 +1,4 @@
-"""Templates of pages, and what they call."""
+"""Render the Jinja templates of pages."""
 
 import base64
 import mimetypes
@@ -13,12 +13,12 @@ from col3d.reports.tables import marks
 
 
 def filled(name: str, facts: Mapping[str, Any], **calls: Callable[..., Any]) -> str:
-    """A template with facts in it; HTML is escaped, Markdown is not.
+    """Render a template; HTML is escaped, Markdown is not.
 
     Args:
         name: such as "run.html".
-        facts: by the names that the template has for them.
-        calls: what it may call beside what all may.
+        facts: variables of the template by name.
+        calls: functions for this template, beside those that every template may call.
     """
     environment = Environment(
         loader=PackageLoader("col3d.reports"),
@@ -43,6 +43,6 @@ def filled(name: str, facts: Mapping[str, Any], **calls: Callable[..., Any]) -> 
 
 
 def data_uri(path: Path) -> str:
-    """A picture as text that stands in the page itself."""
+    """A picture file as a base64 data URI."""
     kind = mimetypes.guess_type(path.name)[0] or "application/octet-stream"
     return f"data:{kind};base64,{base64.b64encode(path.read_bytes()).decode('ascii')}"

@@ -1,4 +1,4 @@
-"""What a verification found: a table on screen with every fault in a line, and one page with pictures."""
+"""Report of a data verification: a table and every fault on screen, and one HTML page with pictures."""
 
 import base64
 import io
@@ -40,16 +40,16 @@ DEPTH_COLOURS = "viridis"
 GREY = 204
 GAP = 4
 MOST_LINES = 10
-"""Findings of one rule in one video that are said one by one."""
+"""Findings of one rule in one video that are listed one by one."""
 QUALITY = 82
 
 
 @dataclass(frozen=True)
 class Picture:
-    """One frame as the page shows it; a map that there is not is None.
+    """One frame as the page shows it; a map that does not exist is None.
 
     Attributes:
-        lines: what is wrong with it; none of a healthy one.
+        lines: what is wrong with it; empty for a healthy frame.
         image: (h, w, 3) in 8 bits.
         depth: (h, w) in mm, NaN where it does not count.
         normals: (h, w, 3) in 8 bits, as stored.
@@ -64,17 +64,17 @@ class Picture:
 
     @property
     def depth_range(self) -> str:
-        """In words."""
+        """Least and largest depth, as text."""
         known = np.empty(0) if self.depth is None else self.depth[np.isfinite(self.depth)]
         return f"depth {known.min():.1f} to {known.max():.1f} mm" if known.size else "no depth"
 
 
 def print_verification(facts: Mapping[str, Any], console: Console | None = None) -> None:
-    """A row for each video, the ranking of conventions, and every fault in a line.
+    """Print a row for each video, the ranking of conventions, and every fault in a line.
 
     Args:
-        facts: as `verify.json` has them.
-        console: where to; the screen when absent.
+        facts: content of `verify.json`.
+        console: where to print; the screen when absent.
     """
     console = console or plain_console()
     if not console.is_terminal:
@@ -105,7 +105,7 @@ def print_verification(facts: Mapping[str, Any], console: Console | None = None)
 
 
 def counted(count: int, word: str) -> str:
-    """A number of things."""
+    """A number and its noun, with a plural s unless the number is 1."""
     return f"{count} {word}{'' if count == 1 else 's'}"
 
 
@@ -115,7 +115,7 @@ def _title(facts: Mapping[str, Any]) -> str:
 
 
 def cells(video: Mapping[str, Any]) -> list[str]:
-    """One row of the table."""
+    """Cells of one video's row of the table."""
     expected = "" if video["expected"] is None else f"/{video['expected']}"
     pinhole = " pinhole" if video["camera"] == "pinhole" else ""
     return [
@@ -135,7 +135,7 @@ def cells(video: Mapping[str, Any]) -> list[str]:
 
 
 def ranking_lines(facts: Mapping[str, Any]) -> list[str]:
-    """The best conventions over all frames."""
+    """Lines on the best conventions over all frames."""
     return [
         f"{row['angle']:6.2f} deg  {row['normals']} of the {row['camera']}"
         + (f", release {row['release']}" if row["release"] else "")
@@ -144,7 +144,7 @@ def ranking_lines(facts: Mapping[str, Any]) -> list[str]:
 
 
 def lens_lines(facts: Mapping[str, Any]) -> list[str]:
-    """Readings of the lens, the best first."""
+    """Lines on the readings of the lens, the best first."""
     return [
         f"{row['error']:8.5f} mm  stretch matrix {row['reading']}{', in use' if row['own'] else ''}"
         for row in facts["lens"]
@@ -152,26 +152,26 @@ def lens_lines(facts: Mapping[str, Any]) -> list[str]:
 
 
 def finding_lines(findings: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """Faults, then notes; of many of a kind in a video the first ones and their number."""
+    """Lines of faults, then of notes; of many of a kind in a video the first ones and their number."""
 
     def kind(finding: Mapping[str, Any]) -> tuple[bool, str, str]:
         return not finding["fault"], finding["video"], finding["rule"]
 
     for (note, _, rule), group in groupby(sorted(findings, key=kind), kind):
-        of_it = list(group)
+        similar = list(group)
         word = "note" if note else "fault"
-        yield from (f"{word}: {finding['text']}" for finding in of_it[:MOST_LINES])
-        if len(of_it) > MOST_LINES:
-            yield f"{word}: ... and {len(of_it) - MOST_LINES} more of this kind ({rule}), in verify.json"
+        yield from (f"{word}: {finding['text']}" for finding in similar[:MOST_LINES])
+        if len(similar) > MOST_LINES:
+            yield f"{word}: ... and {len(similar) - MOST_LINES} more of this kind ({rule}), in verify.json"
 
 
 def write_page(path: Path, facts: Mapping[str, Any], pictures: Sequence[Picture]) -> None:
-    """Write one HTML page that needs nothing beside it.
+    """Write one self-contained HTML page.
 
     Args:
-        path: of the page.
-        facts: as `verify.json` has them.
-        pictures: of what is wrong, and healthy ones.
+        path: page to write.
+        facts: content of `verify.json`.
+        pictures: frames with faults, and healthy ones.
     """
     facts = without_places(facts)
     shown = {
@@ -188,7 +188,7 @@ def write_page(path: Path, facts: Mapping[str, Any], pictures: Sequence[Picture]
 
 
 def strip(picture: Picture) -> str:
-    """Image, depth and normals side by side, as text that stands in the page itself."""
+    """Image, depth and normals side by side, as a JPEG data URI."""
     maps = [picture.image, None if picture.depth is None else _depth_colours(picture.depth), picture.normals]
     size = next((values.shape[:2] for values in maps if values is not None), (80, 100))
     tiles = [_tile(values, size) for values in maps]
@@ -200,7 +200,7 @@ def strip(picture: Picture) -> str:
 
 
 def _tile(values: np.ndarray | None, size: tuple[int, ...]) -> np.ndarray:
-    """A map, or where there is none a grey one that says so; one of another shape is fitted."""
+    """A map fitted to the size; a grey tile with the word `none` where there is no map."""
     if values is not None and values.shape[:2] == size:
         return values
     if values is not None:

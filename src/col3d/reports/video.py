@@ -1,4 +1,4 @@
-"""Pictures as a video file, in the best code that OpenCV can write on this machine."""
+"""Write pictures to a video file, in the best codec that OpenCV can write on this machine."""
 
 import errno
 import os
@@ -6,7 +6,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # before its first use: an absent encoder is no news
+os.environ.setdefault(
+    "OPENCV_FFMPEG_LOGLEVEL", "-8"
+)  # before its first use: an absent encoder needs no message
 
 import cv2
 import numpy as np
@@ -22,7 +24,7 @@ class VideoWriter:
     """Appends pictures of one size to an MP4 file.
 
     Args:
-        path: of the file, which is there under another name until `close`.
+        path: file to write; it has another name until `close`.
         fps: pictures a second.
     """
 
@@ -48,10 +50,10 @@ class VideoWriter:
         self.count += 1
 
     def close(self) -> None:
-        """Finish the file; none is left where nothing was added.
+        """Finish the file; no file is left where nothing was added.
 
         Raises:
-            OSError: the file does not hold every picture, which OpenCV does not say when a disk is full.
+            OSError: the file does not hold every picture, which OpenCV does not report when a disk is full.
         """
         if self.writer is None:
             return
@@ -66,7 +68,7 @@ class VideoWriter:
 
 
 def _pictures_in(path: Path) -> int:
-    """How many can be read back."""
+    """Number of pictures that can be read back from a file."""
     capture, count = open_video(path), 0
     while capture.grab():
         count += 1
@@ -86,7 +88,7 @@ def _opened(path: Path, fps: float, size_hw: tuple[int, int]) -> tuple[str, cv2.
 
 @contextmanager
 def _silently() -> Iterator[None]:
-    """What fails is said once, by us."""
+    """Silence OpenCV's log inside the block: failures are raised as errors once, by the caller."""
     before = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     try:
         yield

@@ -1,6 +1,6 @@
-"""Laws that parts of an experiment obey, for the tests of whoever writes one.
+"""Checks of laws that networks, losses, metrics and data sets obey, for the tests of their authors.
 
-A network is held to them by ::
+For example, the test of a network ::
 
     from col3d.testing import check_network
     from mylab.unet import UNet

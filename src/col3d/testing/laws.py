@@ -1,4 +1,4 @@
-"""The laws, each checked by a function that names the one that is broken."""
+"""Check functions, one for each kind of part; each names the law that is broken."""
 
 import copy
 import pickle
@@ -13,18 +13,18 @@ from col3d.geometry import normals_from_depth
 from col3d.testing.scene import Size, scene
 
 JUNK = 1e6
-"""What stands where nothing counts."""
+"""Value of pixels that do not count."""
 
 
 def check_network(
     factory: Callable[[], nn.Module], sizes: Sequence[Size] = ((64, 96), (65, 97)), seed: int = 0
 ) -> None:
-    """A network gives depth of the image's size, alike in any batch, learns everywhere and can be stored.
+    """Check that a network predicts maps of the image's size, alike in any batch, learns and can be stored.
 
     Args:
         factory: makes the network.
-        sizes: height and width of images that it has to take.
-        seed: of its weights.
+        sizes: heights and widths of images that it has to support.
+        seed: seed of its weights.
 
     Raises:
         AssertionError: names the law.
@@ -51,12 +51,12 @@ def check_network(
 def check_loss(
     term: Callable[[Prediction, Batch], Tensor], needs: Sequence[str] = ("depth",), atol: float = 1e-4
 ) -> None:
-    """A term is zero at the truth, finite everywhere, and blind to what the mask leaves out.
+    """Check that a term is zero at the truth, finite everywhere, and independent of masked pixels.
 
     Args:
         term: (prediction, batch) -> scalar.
-        needs: what it takes of a prediction: "depth", "normals".
-        atol: how near to zero it has to be at the truth.
+        needs: maps of a prediction that it uses: "depth", "normals".
+        atol: tolerance of its value at the truth.
 
     Raises:
         AssertionError: names the law.
@@ -85,12 +85,12 @@ def check_loss(
 def check_metric(
     metric: Callable[[Tensor, Tensor, Tensor], Tensor], task: str = "depth", at_truth: float | None = None
 ) -> None:
-    """A metric gives one number a frame, whatever the batch and whatever the mask leaves out.
+    """Check that a metric gives one number a frame, independent of the batch and of masked pixels.
 
     Args:
         metric: (preds, target, mask) -> (b,).
         task: "depth" in mm, or "normals".
-        at_truth: its value where preds is target.
+        at_truth: its value where `preds` equals `target`.
 
     Raises:
         AssertionError: names the law.
@@ -113,10 +113,10 @@ def check_metric(
 
 
 def check_dataset(frames: FrameSet) -> None:
-    """A data set gives frames in the standard units and axes, and the same from another process.
+    """Check that frames of a data set are in standard units and axes, and the same after pickling.
 
     Args:
-        frames: with at least one frame.
+        frames: a data set with at least one frame.
 
     Raises:
         AssertionError: names the law and the frame.
@@ -181,9 +181,11 @@ def _alike(one: Prediction, other: object, law: str, exact: bool = False) -> Non
     assert isinstance(other, dict)
     for key in ("depth", "normals"):
         if key in one:
-            ours, theirs = one[key], other[key]
-            same = torch.equal(ours, theirs) if exact else torch.allclose(ours, theirs, rtol=1e-3, atol=1e-3)
-            assert same, f"{law}: {key} differs by {float((ours - theirs).abs().max()):g}"
+            first, second = one[key], other[key]
+            same = (
+                torch.equal(first, second) if exact else torch.allclose(first, second, rtol=1e-3, atol=1e-3)
+            )
+            assert same, f"{law}: {key} differs by {float((first - second).abs().max()):g}"
 
 
 def _one(batch: Batch, index: int) -> Batch:
@@ -191,7 +193,7 @@ def _one(batch: Batch, index: int) -> Batch:
 
 
 def _guess(batch: Batch) -> Prediction:
-    """Depth that is off by up to a fifth, with its own normals."""
+    """Depth with errors of up to a fifth, and the normals of this depth."""
     noise = torch.rand(batch["depth"].shape, generator=torch.Generator().manual_seed(1))
     depth = batch["depth"].clamp(min=1.0) * (0.8 + 0.4 * noise)
     normals = normals_from_depth(depth, batch["rays"], torch.ones_like(batch["mask"]))
@@ -201,13 +203,15 @@ def _guess(batch: Batch) -> Prediction:
 def _differentiated(
     term: Callable[[Prediction, Batch], Tensor], guess: Prediction, batch: Batch, needs: Sequence[str]
 ) -> tuple[Tensor, dict[str, Tensor]]:
-    """The cost, and the gradients by what the term needs; zero where it does not depend on it."""
+    """The cost, and its gradients by the needed maps; zero where it does not depend on them."""
     leaves = {key: guess[key].clone().requires_grad_() for key in needs}  # type: ignore[literal-required]
     cost = term({**guess, **leaves}, batch)  # type: ignore[typeddict-item]
     if cost.requires_grad:
         cost.backward()
-    found = {key: torch.zeros_like(leaf) if leaf.grad is None else leaf.grad for key, leaf in leaves.items()}
-    return cost.detach(), found
+    gradients = {
+        key: torch.zeros_like(leaf) if leaf.grad is None else leaf.grad for key, leaf in leaves.items()
+    }
+    return cost.detach(), gradients
 
 
 def _check_normals(normals: Tensor, rays: Tensor, where: str) -> None:

@@ -1,4 +1,4 @@
-"""A scene known in closed form, to hold parts against."""
+"""A synthetic scene in closed form, for checks."""
 
 import torch
 
@@ -9,14 +9,14 @@ Size = tuple[int, int]
 
 
 def scene(size_hw: Size = (64, 80), frames: int = 2, camera: Camera | None = None) -> Batch:
-    """Slanted walls, in closed form, as a batch: depth in mm and normals that are exactly those of it.
+    """A batch of slanted walls in closed form: depth in mm, and the exact normals of it.
 
     A corner of each mask is False, where depth is 0.
 
     Args:
         size_hw: height and width.
-        frames: in the batch, each a wall at another distance.
-        camera: whose rays are used; C3VD's lens when absent.
+        frames: number of frames, each a wall at another distance.
+        camera: camera of the rays; C3VD's lens when absent.
     """
     rays = (camera or OmnidirectionalCamera.c3vd()).resized(size_hw).rays()
     normal = torch.tensor([0.2, -0.1, -1.0])

@@ -4,9 +4,9 @@
                     depth.npy    (n, h, w) uint16
                     normals.npy  (n, 2, h, w) int16, where there are normals
                     mask.npy     (n, h, w) bool
-                    index.json   what it was made of and how; written last
+                    index.json   its sources and recipe; written last
 
-`col3d.data.cache.codes` says what the codes mean. A video's folder is there whole or not at all.
+`col3d.data.cache.codes` defines the codes. A video's folder is written atomically.
 """
 
 from col3d.data.cache.index import Recipe, StoredVideo, folder_of, read_video, videos_in

@@ -1,4 +1,4 @@
-"""Which prepared frames a training reads, and why it does not."""
+"""Choose the prepared frames that a training reads, or report why it reads the files instead."""
 
 import json
 from collections.abc import Callable, Sequence
@@ -14,11 +14,11 @@ from col3d.io.atomic import write_whole
 from col3d.registry.annotations import plain
 
 KNOWN = ".col3d_stores.json"
-"""In the root of a data set: where its frames were prepared, other than beside it."""
+"""File in the root of a data set with the stores of its frames that are not beside it."""
 
 
 def recipe_of(source: SourceOptions, frames: FrameSet, size_hw: tuple[int, int]) -> Recipe:
-    """What prepared frames have to be made by."""
+    """The recipe that prepared frames must match."""
     camera, decoding = frames.camera.resized(size_hw), frames.decoding()
     return Recipe(
         source.name,
@@ -32,13 +32,13 @@ def recipe_of(source: SourceOptions, frames: FrameSet, size_hw: tuple[int, int])
 
 
 def beside(root: str | Path, size_hw: tuple[int, int]) -> Path:
-    """Where frames of a size are prepared unless another place is named."""
+    """Default folder of the prepared frames of a size, beside the data set."""
     root = Path(root).absolute()
     return root.with_name(f"{root.name}_{size_hw[0]}x{size_hw[1]}")
 
 
 def remember(root: Path, store: Path) -> bool:
-    """Note in the root where its frames were prepared, and whether that could be done."""
+    """Record in the root where its frames were prepared; returns False if it cannot be written."""
     try:
         known = [str(path) for path in remembered(root)]
         if str(store) not in known:
@@ -49,7 +49,7 @@ def remember(root: Path, store: Path) -> bool:
 
 
 def remembered(root: Path) -> list[Path]:
-    """The places that are noted in a root."""
+    """The stores that are recorded in a root."""
     try:
         return [Path(str(path)) for path in json.loads((root / KNOWN).read_text(encoding="utf-8"))]
     except (OSError, ValueError, TypeError):
@@ -66,11 +66,11 @@ def stored_frames(
     """The prepared frames of these entries, or None where the files are to be read.
 
     Args:
-        source: whose `store` says where to look.
-        frames: of it, able to look for files.
-        entries: of the split.
-        size_hw: that is asked for.
-        say: is told which store is read, or why one is not.
+        source: options of the data set; its `store` says where to look.
+        frames: the data set, to look for files.
+        entries: entries of the split.
+        size_hw: requested height and width.
+        say: called with a line on which store is read, or why one is not.
 
     Raises:
         DataError: a store that is named does not fit, or an array in it is not whole.
@@ -82,25 +82,25 @@ def stored_frames(
         store = Path(source.store)
         if not store.is_dir():
             raise DataError(f"data.store={store}: no such folder; run col3d prepare, or take data.store=auto")
-        found = _fitting(store, frames, entries, recipe, source.own.get("release", "auto"))
-        if isinstance(found, str):
-            raise DataError(f"data.store={store}: {found}; run col3d prepare again, or take data.store=auto")
+        result = _fitting(store, frames, entries, recipe, source.own.get("release", "auto"))
+        if isinstance(result, str):
+            raise DataError(f"data.store={store}: {result}; run col3d prepare again, or take data.store=auto")
         say(f"reads frames prepared in {store}")
-        return found
+        return result
     for store in dict.fromkeys([beside(root, size_hw), *remembered(root)]):
         if store.is_dir():
-            found = _fitting(store, frames, entries, recipe, source.own.get("release", "auto"))
-            if isinstance(found, Stored):
+            result = _fitting(store, frames, entries, recipe, source.own.get("release", "auto"))
+            if isinstance(result, Stored):
                 say(f"reads frames prepared in {store}")
-                return found
-            say(f"note: reads the files, for {store} does not serve: {found}")
+                return result
+            say(f"note: reads the files, for {store} does not serve: {result}")
     return None
 
 
 def _fitting(
     store: Path, frames: FrameSet, entries: Sequence[str], recipe: Recipe, release: str
 ) -> Stored | str:
-    """The frames of these entries, or why the store cannot give them."""
+    """The prepared frames of these entries, or the reason why the store cannot give them."""
     frames.frames = []
     present = list(frames.folders) if frames.root.is_dir() else videos_in(store)
     chosen: list[tuple[StoredVideo, Sequence[int]]] = []
@@ -117,11 +117,11 @@ def _fitting(
         if not frames.root.is_dir():
             check_end(selection, max(*video.frames, (frames_of(video.video) or 0) - 1))
         else:
-            found = frames.find(entry)
-            if stale := video.stale(frames.root, found):
+            current = frames.find(entry)
+            if stale := video.stale(frames.root, current):
                 return stale
-            frames.frames += found
-            numbers = [frame.number for frame in found]
+            frames.frames += current
+            numbers = [frame.number for frame in current]
         if not numbers:
             return f"{entry} has no frame there"
         chosen.append((video, numbers))

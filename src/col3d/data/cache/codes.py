@@ -1,4 +1,4 @@
-"""Frames in integer codes: how they lie in a store and travel to the device that decodes them.
+"""Integer codes of frames: their form in a store and on the way to the device that decodes them.
 
 A pixel takes 10 bytes: the image as it is, 8 bits a colour; depth in 65535 steps of its largest value; a
 normal as two 16-bit coordinates on an octahedron; and the mask. Depth of up to 100 mm is exact to 0.0008 mm,
@@ -40,17 +40,17 @@ class QuantizedBatch(TypedDict):
     max_depth: Float[Tensor, " b"]
     """Millimetres."""
     lens: Int[Tensor, " b"]
-    """Which of the cameras that come with the frames saw it."""
+    """Index of the camera, among the cameras that come with the frames."""
     video: list[str]
     frame: Int[Tensor, " b"]
 
 
 def encode(item: dict[str, Any], max_depth: float) -> dict[str, Tensor]:
-    """The maps of one item as arrays of a `QuantizedBatch`, without the axis b.
+    """Encode the maps of one item as arrays of a `QuantizedBatch`, without the axis b.
 
     Args:
         item: image uint8 (3, h, w), depth (1, h, w) in mm, mask (1, h, w), and perhaps normals (3, h, w).
-        max_depth: mm that the highest code stands for.
+        max_depth: depth in mm of the highest code.
     """
     steps = torch.round(item["depth"][0] * (DEPTH_STEPS / max_depth)).clamp(0, DEPTH_STEPS).int()
     codes = {
@@ -66,11 +66,11 @@ def encode(item: dict[str, Any], max_depth: float) -> dict[str, Tensor]:
 
 
 def decode(codes: QuantizedBatch, cameras: Sequence[Camera]) -> Batch:
-    """Standard units on the device of the codes.
+    """Decode frames to standard units, on the device of the codes.
 
     Args:
-        codes: frames.
-        cameras: what `lens` counts, all of one size.
+        codes: encoded frames.
+        cameras: the cameras that `lens` is an index of, all of one size.
     """
     device, mask = codes["mask"].device, codes["mask"][:, None]
     known = mask.float()
@@ -92,13 +92,13 @@ def decode(codes: QuantizedBatch, cameras: Sequence[Camera]) -> Batch:
 
 
 @lru_cache(maxsize=16)
-@torch.inference_mode(False)  # first asked for during a validation, the rays must serve training too
+@torch.inference_mode(False)  # rays of a first call in validation must serve training, too
 def _rays_on(camera: Camera, device: torch.device) -> Tensor:
     return camera.rays().to(device)
 
 
 def octahedral(normals: Float[Tensor, "3 h w"]) -> Int16[Tensor, "2 h w"]:
-    """Two coordinates of unit vectors; those towards the camera, n_z < 0, are in the middle of the square."""
+    """Encode unit vectors as two coordinates; those towards the camera, n_z < 0, are mid-square."""
     total = normals.abs().sum(dim=0).clamp_min(1e-12)
     x, y, z = normals / total
     away = z > 0
@@ -108,7 +108,7 @@ def octahedral(normals: Float[Tensor, "3 h w"]) -> Int16[Tensor, "2 h w"]:
 
 
 def from_octahedral(codes: Int16[Tensor, "b 2 h w"]) -> Float[Tensor, "b 3 h w"]:
-    """Unit vectors, float32."""
+    """Decode unit vectors, float32."""
     x, y = codes.float().unbind(dim=1)
     right, down = x.abs(), y.abs()
     z = (right + down).sub_(NORMAL_STEPS)

@@ -1,4 +1,4 @@
-"""What a stored video says of itself, and whether it still is what it says."""
+"""Index of a stored video: recipe, frames, sources and arrays, with checks that they still match."""
 
 import json
 import zlib
@@ -16,7 +16,7 @@ from col3d.geometry import Camera
 from col3d.geometry.camera_file import camera_from_plain, plain_from_camera
 
 SCHEMA = 1
-"""Raised whenever equal sources give other codes or files than before."""
+"""Version of the format, raised whenever equal sources give other codes or files than before."""
 DENSE_RULE = (
     "image: bilinear, antialiased, in 8 bits; depth and normals: bilinear between the four pixels around; "
     "known where all four are"
@@ -28,14 +28,14 @@ INDEX = "index.json"
 
 @dataclass(frozen=True)
 class Recipe:
-    """What a store is made by; its videos fit a training that asks for the same.
+    """Settings that a store is made by; its videos fit a training that needs the same settings.
 
     Attributes:
         data: name of the data set.
-        size_hw: of the frames.
+        size_hw: height and width of the frames.
         normals: stored, derived or none.
-        max_depth: millimetres of the highest code.
-        camera: at that size.
+        max_depth: depth in mm of the highest code.
+        camera: the camera at that size.
         decoding: see `FrameSet.decoding`.
         dense_truth: see `FrameSet`.
     """
@@ -50,13 +50,13 @@ class Recipe:
 
     @property
     def resize_rule(self) -> str:
-        """How files become frames of the size, in words."""
+        """Description of how files become frames of the size."""
         if not self.dense_truth:
             return SPARSE_RULE
         return DERIVED_RULE if self.normals == "derived" else DENSE_RULE
 
     def plain(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """The recipe as values for JSON."""
         return {
             "schema": SCHEMA,
             "resize": self.resize_rule,
@@ -75,11 +75,11 @@ class Shard:
 
     Attributes:
         shape: n frames first.
-        dtype: as numpy writes it.
+        dtype: numpy's text of the type.
         offset: bytes before the data: the header.
-        bytes: of the whole file.
-        header_crc32: of those before the data.
-        crc32: of the whole file.
+        bytes: size of the whole file.
+        header_crc32: CRC-32 of the header.
+        crc32: CRC-32 of the whole file.
     """
 
     shape: tuple[int, ...]
@@ -90,19 +90,19 @@ class Shard:
     crc32: int
 
     def check(self, path: Path) -> None:
-        """Refuse a file that is not the whole array.
+        """Refuse a file that is not the complete array.
 
         Raises:
             DataError: names the file.
         """
         try:
-            found = path.stat().st_size
+            size = path.stat().st_size
             with path.open("rb") as file:
                 header = zlib.crc32(file.read(self.offset))
         except OSError as error:
             raise DataError(f"{path}: a store's array is missing ({error.strerror}){AGAIN}") from None
-        if found != self.bytes:
-            raise DataError(f"{path}: a store's array has {found} bytes instead of {self.bytes}{AGAIN}")
+        if size != self.bytes:
+            raise DataError(f"{path}: a store's array has {size} bytes instead of {self.bytes}{AGAIN}")
         if header != self.header_crc32:
             raise DataError(f"{path}: a store's array does not begin as it was written{AGAIN}")
 
@@ -115,12 +115,12 @@ class StoredVideo:
     """The index of one video.
 
     Attributes:
-        folder: it lies in.
-        recipe: as JSON has it; see `Recipe.plain`.
-        release: of the data set that the source follows; empty where there is none.
+        folder: folder of the video.
+        recipe: values for JSON; see `Recipe.plain`.
+        release: release of the data set that the source follows; empty where there is none.
         frames: numbers, in the order of the arrays.
         sources: path below the data set's root -> bytes and time of change in ns.
-        shards: by name.
+        shards: arrays by name.
     """
 
     folder: Path
@@ -133,18 +133,18 @@ class StoredVideo:
 
     @property
     def camera(self) -> Camera:
-        """Of the stored frames."""
+        """Camera of the stored frames."""
         return camera_from_plain(self.recipe["camera"])
 
     def write(self) -> None:
         """Write `index.json`."""
         content = {**self.recipe, "video": self.video, "release": self.release, "frames": list(self.frames)}
         content["shards"] = {name: asdict(shard) for name, shard in self.shards.items()}
-        content["sources"] = {name: list(found) for name, found in self.sources.items()}
+        content["sources"] = {name: list(state) for name, state in self.sources.items()}
         (self.folder / INDEX).write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
     def check(self) -> None:
-        """Refuse arrays that are not whole.
+        """Refuse arrays that are not complete.
 
         Raises:
             DataError: names the file.
@@ -153,35 +153,35 @@ class StoredVideo:
             shard.check(self.folder / f"{name}.npy")
 
     def damaged(self) -> list[Path]:
-        """Arrays whose content is not what was written, read to the last byte."""
+        """Paths of arrays whose content differs from what was written; every byte is read."""
         paths = {self.folder / f"{name}.npy": shard for name, shard in self.shards.items()}
         return [path for path, shard in paths.items() if crc32_of(path) != shard.crc32]
 
     def differs(self, recipe: Recipe) -> str:
-        """Fields that differ from those of a recipe, or nothing."""
+        """Fields that differ from the requested recipe, as text; empty if none does."""
         wanted = recipe.plain()
         names = [name for name in wanted if self.recipe.get(name) != wanted[name]]
-        if "normals" in names:  # the rule follows from them
+        if "normals" in names:  # the rule of resizing follows from them
             names = [name for name in names if name != "resize"]
         return ", ".join(self._difference(name, wanted[name]) for name in names)
 
     def _difference(self, name: str, wanted: Any) -> str:
-        there = self.recipe.get(name)
-        if name == "camera" and isinstance(there, dict):
-            fields = [field for field in wanted if there.get(field) != wanted[field]]
+        stored = self.recipe.get(name)
+        if name == "camera" and isinstance(stored, dict):
+            fields = [field for field in wanted if stored.get(field) != wanted[field]]
             return f"another camera, of another {' and '.join(fields)}"
-        return f"another {name}" if name == "resize" else f"{name} is {there}, not {wanted}"
+        return f"another {name}" if name == "resize" else f"{name} is {stored}, not {wanted}"
 
     def stale(self, root: Path, frames: Sequence[Frame]) -> str:
-        """Which source file has changed since, or nothing.
+        """The first source file that has changed since, as text; empty if none has.
 
         Args:
-            root: of the data set.
-            frames: of the video that are asked for, as they lie there now.
+            root: root of the data set.
+            frames: requested frames of the video, as they are on disk now.
         """
-        there = set(self.frames)
+        numbers = set(self.frames)
         for frame in frames:
-            if frame.number not in there:
+            if frame.number not in numbers:
                 return f"frame {frame.number} of {self.video} has come since"
             for path in frame.files.values():
                 name = path.relative_to(root).as_posix()
@@ -191,7 +191,7 @@ class StoredVideo:
 
 
 def folder_of(store: Path, video: str) -> Path:
-    """Where a video is kept; folders in its name make no folders in the store."""
+    """Folder of a video in a store; folders in its name make no folders in the store."""
     return store / video.replace("/", "__")
 
 
@@ -202,7 +202,7 @@ def videos_in(store: Path) -> list[str]:
 
 
 def read_video(folder: Path) -> StoredVideo | None:
-    """The index in a folder, or None where there is none that can be read."""
+    """Read the index in a folder; None where there is none that can be read."""
     try:
         content = json.loads((folder / INDEX).read_text(encoding="utf-8"))
         shards = content.pop("shards")
@@ -211,7 +211,7 @@ def read_video(folder: Path) -> StoredVideo | None:
             video=content.pop("video"),
             release=content.pop("release"),
             frames=tuple(content.pop("frames")),
-            sources={name: (found[0], found[1]) for name, found in content.pop("sources").items()},
+            sources={name: (state[0], state[1]) for name, state in content.pop("sources").items()},
             shards={name: Shard(**{**s, "shape": tuple(s["shape"])}) for name, s in shards.items()},
             recipe=content,
         )
@@ -222,12 +222,12 @@ def read_video(folder: Path) -> StoredVideo | None:
 def shapes(size_hw: tuple[int, int], normals: bool) -> Mapping[str, tuple[tuple[int, ...], str]]:
     """Shape and type of one frame in each array."""
     height, width = size_hw
-    found = {
+    kinds = {
         "image": ((3, height, width), np.dtype(np.uint8).str),
         "depth": ((height, width), np.dtype("<u2").str),
         "normals": ((2, height, width), np.dtype("<i2").str),
         "mask": ((height, width), np.dtype(np.bool_).str),
     }
     if not normals:
-        del found["normals"]
-    return found
+        del kinds["normals"]
+    return kinds

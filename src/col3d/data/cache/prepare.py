@@ -30,7 +30,7 @@ NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 def prepare(given: Mapping[str, Any]) -> None:
-    """Render what is missing of the phantom, then prepare every video that is not prepared yet.
+    """Render missing videos of the phantom, then prepare every video that is not prepared yet.
 
     Raises:
         UserError: an option breaks a rule, a file is not what it should be, or the disk is full.
@@ -49,7 +49,7 @@ def prepare(given: Mapping[str, Any]) -> None:
 
 
 def _videos_of(source: SourceOptions) -> list[str] | None:
-    """Those of the split where it names colons of seeds of their own; None, which is all of C3VD's, else."""
+    """Videos of the split where it names phantoms of other seeds; else None, which is all of C3VD's."""
     entries = [entry for part in SPLITS for entry in getattr(source.split, part)]
     named = sorted({parse_selection(entry).video for entry in expand(entries, list(video_table()))})
     return named if any(seeded_name(video, 0)[0] != video for video in named) else None
@@ -105,7 +105,7 @@ def prepare_video(
     recipe: Recipe,
     frame_done: Callable[[], None],
 ) -> str:
-    """Prepare one video; returns what is wrong with its files, or nothing."""
+    """Prepare one video; returns what is wrong with its files, or an empty text."""
     torch.set_num_threads(1)
     try:
         frames = frame_set(source, phantom, [video])
@@ -116,20 +116,20 @@ def prepare_video(
 
 
 def _is_prepared(store: Path, frames: FrameSet, video: str, recipe: Recipe) -> bool:
-    """Whether the store holds the video as it lies there now."""
+    """Whether the store holds the video with the files that are on disk now."""
     stored = read_video(folder_of(store, video))
     if stored is None or stored.video != video:
         return False
     try:
         stored.check()
-        found = frames.find(video)
+        current = frames.find(video)
     except DataError:
         return False
-    return not stored.stale(frames.root, found) and len(found) == len(stored.frames)
+    return not stored.stale(frames.root, current) and len(current) == len(stored.frames)
 
 
 def _check_place(store: Path, root: Path, recipe: Recipe, videos: Sequence[str]) -> None:
-    """Refuse a place that holds anything else."""
+    """Refuse a store that holds anything but prepared videos of this recipe."""
     if store.exists() and not store.is_dir():
         raise UserError(f"prepare.out={store}: expected a folder, got a file")
     if store.resolve() == root.resolve():
@@ -150,7 +150,7 @@ def _check_place(store: Path, root: Path, recipe: Recipe, videos: Sequence[str])
 
 
 def _check_space(store: Path, recipe: Recipe, frames: int) -> None:
-    """Refuse to begin what cannot end."""
+    """Refuse to begin where the disk has no room for all frames."""
     needed, free = frames * bytes_per_frame(recipe), shutil.disk_usage(store).free
     if needed > free:
         raise UserError(
@@ -160,14 +160,14 @@ def _check_space(store: Path, recipe: Recipe, frames: int) -> None:
 
 
 def bytes_per_frame(recipe: Recipe) -> int:
-    """In all arrays."""
-    found = 0
+    """Bytes of one frame in all arrays of a store."""
+    total = 0
     for shape, dtype in shapes(recipe.size_hw, recipe.normals != "none").values():
         size = int(dtype[-1])
         for side in shape:
             size *= side
-        found += size
-    return found
+        total += size
+    return total
 
 
 def _report(
@@ -179,10 +179,10 @@ def _report(
         f"{recipe.size_hw[1]}, {_gigabytes(total * bytes_per_frame(recipe))}; "
         f"{done} now, {len(counts) - done} before"
     )
-    found = store == beside(source.root, recipe.size_hw) or remember(root, store)
+    is_known = store == beside(source.root, recipe.size_hw) or remember(root, store)
     size = f"data.size=[{recipe.size_hw[0]},{recipe.size_hw[1]}]"
-    asked = "" if found else f" and data.store={store}"
-    print(f"train.py reads it with {size}{asked}", flush=True)
+    store_option = "" if is_known else f" and data.store={store}"
+    print(f"train.py reads it with {size}{store_option}", flush=True)
 
 
 def _gigabytes(count: int) -> str:

@@ -1,4 +1,4 @@
-"""Frames out of a store, by memory map."""
+"""Read prepared frames from a store by memory map."""
 
 import mmap
 from collections.abc import Sequence
@@ -14,14 +14,16 @@ from col3d.data.sized import SizedFrames, empty
 from col3d.geometry import Camera
 
 RELEASE_BYTES = 64 << 20
-"""Pages of a map count as memory of the process until they are given back, which costs the cache nothing."""
+"""Bytes read after which pages of maps are given back: until then they count as memory of the process.
+
+Giving them back does not evict them from the page cache."""
 
 
 class Stored(SizedFrames):
-    """Frames of stored videos. Maps are opened where they are first read, and are never pickled.
+    """Frames of stored videos. Memory maps are opened at the first read, and are never pickled.
 
     Args:
-        videos: with the numbers of their frames that are asked for.
+        videos: stored videos, each with the numbers of its requested frames.
 
     Raises:
         DataError: an array is not whole.
@@ -83,7 +85,7 @@ TYPES = {"image": torch.uint8, "depth": torch.int16, "normals": torch.int16, "ma
 
 
 class _Map:
-    """One array, mapped; checked once more, for it may have changed since the store was opened."""
+    """A memory map of one array, checked once more, for it may have changed since the store was opened."""
 
     def __init__(self, path: Path, shard: Shard) -> None:
         shard.check(path)

@@ -1,4 +1,4 @@
-"""The files that prepared frames were made of, and whether they are still the same."""
+"""Source files of prepared frames: sizes, modification times and checksums."""
 
 import zlib
 from collections.abc import Sequence
@@ -8,9 +8,9 @@ from col3d.data.datasets.frame_files import Frame
 
 
 def state_of(path: Path) -> tuple[int, int]:
-    """Bytes and time of change of a source."""
-    found = path.stat()
-    return found.st_size, found.st_mtime_ns
+    """Size in bytes and modification time in ns of a file."""
+    status = path.stat()
+    return status.st_size, status.st_mtime_ns
 
 
 def sources_of(root: Path, frames: Sequence[Frame]) -> dict[str, tuple[int, int]]:
@@ -20,9 +20,9 @@ def sources_of(root: Path, frames: Sequence[Frame]) -> dict[str, tuple[int, int]
 
 
 def crc32_of(path: Path) -> int:
-    """Of a whole file."""
-    found = 0
+    """CRC-32 of a whole file."""
+    checksum = 0
     with path.open("rb") as file:
         while block := file.read(1 << 20):
-            found = zlib.crc32(block, found)
-    return found
+            checksum = zlib.crc32(block, checksum)
+    return checksum

@@ -1,4 +1,4 @@
-"""Writing one video of a store: resized, in codes, whole or not at all."""
+"""Write one video of a store: resized, in codes, atomically."""
 
 import io
 import os
@@ -21,8 +21,8 @@ def write_video(store: Path, frames: Resized, recipe: Recipe, frame_done: Callab
 
     Args:
         store: folder of the folders of videos.
-        frames: all of one video.
-        recipe: that they are made by.
+        frames: all frames of one video.
+        recipe: settings that they are made by.
         frame_done: called after each frame.
 
     Raises:
@@ -34,7 +34,9 @@ def write_video(store: Path, frames: Resized, recipe: Recipe, frame_done: Callab
     sources = sources_of(source.root, source.frames)
     with whole_folder(folder_of(store, video)) as partial:
         kinds = shapes(recipe.size_hw, recipe.normals != "none")
-        arrays = {name: ArrayFile(partial / f"{name}.npy", len(frames), *of) for name, of in kinds.items()}
+        arrays = {
+            name: ArrayFile(partial / f"{name}.npy", len(frames), *kind) for name, kind in kinds.items()
+        }
         try:
             for index in range(len(frames)):
                 codes = frames.encoded(index)
@@ -63,18 +65,18 @@ class ArrayFile:
         self.offset, self.header_crc32 = self.bytes, self.crc32
 
     def append(self, values: np.ndarray) -> None:
-        """Add the values of a frame."""
+        """Append the values of a frame."""
         self.put(np.ascontiguousarray(values).view(self.dtype).tobytes())
 
     def finish(self) -> Shard:
-        """Put it on the disk."""
+        """Flush the file to disk, close it, and describe it."""
         self.file.flush()
         os.fsync(self.file.fileno())
         self.file.close()
         return Shard(self.shape, self.dtype, self.offset, self.bytes, self.header_crc32, self.crc32)
 
     def put(self, content: bytes) -> None:
-        """Add bytes, and count them in the sum."""
+        """Append bytes, and update size and checksum."""
         self.file.write(content)
         self.bytes += len(content)
         self.crc32 = zlib.crc32(content, self.crc32)

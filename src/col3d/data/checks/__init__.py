@@ -1,7 +1,7 @@
-"""Checks of a whole data set as it lies on disk: every file, every frame, what normals and poses mean.
+"""Checks of a whole data set on disk: every file, every frame, the meaning of normals and poses.
 
-Nothing here ends at the first fault: what is wrong is collected as findings, each of which names the file,
-the rule and what came.
+The checks do not end at the first fault: faults are collected as findings, each of which names the file,
+the rule and what was found.
 """
 
 from col3d.data.checks.conventions import CONVENTIONS, Convention, ranked

@@ -1,8 +1,8 @@
-"""In which axes, signs and encoding normals are stored, and for which camera they were made.
+"""Find the axes, signs and encoding of stored normals, and the camera that they were made for.
 
 Every way to store a normal is tried: six orders of the axes, eight choices of signs, and two encodings, all
 three in -1..1, or z in 0..1 with what is negative cut off, as the release before May 2023 has it. Each is
-held against the normals of the depth, once through the data set's own lens and once through the pinhole of
+compared with the normals of the depth, once through the data set's own lens and once through the pinhole of
 published code.
 """
 
@@ -21,10 +21,10 @@ from col3d.geometry import Camera, PinholeCamera, normals_from_depth
 
 CAMERAS = ("lens", "pinhole")
 ENCODINGS: tuple[int | None, ...] = (None, 0, 1, 2)
-"""Which channel holds a z with its negative values cut off; none where all three are in -1..1."""
+"""The channel that holds z with its negative values cut off; None where all three are in -1..1."""
 SIGNS = np.array(list(product((1, -1), repeat=3)), np.float32)
 ENOUGH, PLENTY = 20, 4000
-"""Blocks of a frame: fewer tell nothing, more tell no more."""
+"""Least number of blocks of a frame for a result, and the number beyond which blocks are thinned out."""
 OF_RELEASE = {"x, y, z": "current", "x, -y, max(-z, 0)": "pre_2023_05"}
 
 
@@ -33,9 +33,9 @@ class Convention:
     """One way to store normals.
 
     Attributes:
-        camera: whose normals of the depth they are.
-        clipped: the channel whose negative values are cut off.
-        channels: what red, green and blue hold, in standard axes.
+        camera: camera of the depth's normals, one of `CAMERAS`.
+        clipped: the channel whose negative values are cut off, or None.
+        channels: content of red, green and blue, in standard axes.
     """
 
     camera: str
@@ -44,12 +44,12 @@ class Convention:
 
     @property
     def release(self) -> str:
-        """The release of C3VD that stores normals so; empty where none does."""
+        """The release of C3VD that stores normals by this convention; empty where none does."""
         return OF_RELEASE.get(self.channels, "") if self.camera == "lens" else ""
 
     @property
     def called(self) -> str:
-        """In words."""
+        """The convention in words, with its camera."""
         return str(self) if self.camera == "lens" else f"{self} of a pinhole"
 
     def __str__(self) -> str:
@@ -57,7 +57,7 @@ class Convention:
 
 
 def _orders(clipped: int | None) -> list[tuple[int, ...]]:
-    """For x, y and z, the channel that holds it."""
+    """Orders of axes: for each of x, y and z the channel that holds it."""
     return [order for order in permutations(range(3)) if clipped in (None, order[2])]
 
 
@@ -78,28 +78,28 @@ CONVENTIONS = tuple(_conventions())
 def angles_of(codes: np.ndarray, depth: Depth, camera: Camera) -> Float32[np.ndarray, " c"] | None:
     """Median angle in degrees of stored normals to those of the depth under each of `CONVENTIONS`.
 
-    Both are averaged over blocks first, so that depth in steps of 0.4 mm will do.
+    Both are averaged over blocks first, so that depth in steps of 0.4 mm suffices.
 
     Args:
         codes: (h, w, 3) as stored, red first.
-        depth: of the frame.
-        camera: of the data set.
+        depth: depth of the frame.
+        camera: camera of the data set.
 
     Returns:
-        None where too little is known to tell.
+        The angles; None where too little is known.
     """
     known = depth.known & stored_somewhere(*np.moveaxis(codes, -1, 0))
     stored, mm, whole = (_blocks(values, camera) for values in (codes, np.where(known, depth.mm, 0), known))
     certain = whole == 1
-    found = []
+    medians = []
     for through in (camera, PinholeCamera.c3vd().resized(camera.size_hw)):
         derived = _normals(mm, certain, in_blocks(through)[1])
         ok = np.flatnonzero(derived.any(axis=-1))
         if len(ok) < ENOUGH:
             return None
         ok = ok[:: -(-len(ok) // PLENTY)]
-        found.append(_medians(stored.reshape(-1, 3)[ok] / FULL_CODE, derived.reshape(-1, 3)[ok]))
-    return np.concatenate(found)
+        medians.append(_medians(stored.reshape(-1, 3)[ok] / FULL_CODE, derived.reshape(-1, 3)[ok]))
+    return np.concatenate(medians)
 
 
 def off_lengths(codes: np.ndarray, known: np.ndarray, tolerance: float) -> tuple[float, ...]:
@@ -132,9 +132,9 @@ def _off(squared: np.ndarray, tolerance: float) -> float:
 
 
 def _blocks(values: np.ndarray, camera: Camera) -> np.ndarray:
-    """Means over blocks of pixels, what is left over at the right and the bottom cut off."""
-    block, of_blocks = in_blocks(camera)
-    rows, columns = of_blocks.size_hw
+    """Means over blocks of pixels; pixels left over at the right and the bottom are cut off."""
+    block, block_camera = in_blocks(camera)
+    rows, columns = block_camera.size_hw
     cut = np.ascontiguousarray(values[: rows * block, : columns * block], np.float32)
     return cv2.resize(cut, (columns, rows), interpolation=cv2.INTER_AREA)
 
@@ -146,19 +146,19 @@ def _normals(mm: np.ndarray, certain: np.ndarray, camera: Camera) -> np.ndarray:
 
 
 def _medians(stored: np.ndarray, derived: np.ndarray) -> np.ndarray:
-    """Of the angles through one camera. The median of their cosines is the cosine of their median."""
-    found = []
+    """Median angles through one camera: the median of cosines is the cosine of the median."""
+    cosines = []
     for clipped in ENCODINGS:
         vectors = _decoded(stored, clipped)
         parts = vectors[:, :, None] * derived[:, None, :]
         for order in _orders(clipped):
             along = np.stack([parts[:, channel, axis] for axis, channel in enumerate(order)])
-            found.append(np.median(SIGNS @ along, axis=1))
-    return np.degrees(np.arccos(np.concatenate(found).clip(-1, 1)))
+            cosines.append(np.median(SIGNS @ along, axis=1))
+    return np.degrees(np.arccos(np.concatenate(cosines).clip(-1, 1)))
 
 
 def _decoded(stored: np.ndarray, clipped: int | None) -> np.ndarray:
-    """Unit vectors (n, 3) in the order of the channels; what was cut off follows from the unit length."""
+    """Unit vectors (n, 3) in the order of the channels; a cut-off z follows from the unit length."""
     vectors = 2 * stored - 1
     if clipped is not None:
         z, others = stored[:, clipped], np.delete(vectors, clipped, axis=1)

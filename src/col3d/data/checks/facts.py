@@ -1,4 +1,4 @@
-"""What verify.json and its page say of a data set."""
+"""Content of verify.json and of its page."""
 
 import statistics
 from collections import Counter
@@ -20,7 +20,7 @@ from col3d.data.datasets.frame_set import FrameSet
 from col3d.reports.verification import Picture
 
 BROKEN_WIDTH, HEALTHY_WIDTH = 200, 110
-"""Pixels of one map of a frame on the page."""
+"""Width in pixels of one map of a frame on the page."""
 RANKING_SHOWN = 6
 
 
@@ -30,11 +30,11 @@ def facts_of(
     reports: Iterable[FrameReport],
     findings: Sequence[Finding],
 ) -> dict[str, Any]:
-    """What `verify.json` says."""
+    """Content of `verify.json`."""
     faults = Counter(finding.video for finding in findings if finding.fault)
     rows = [{**asdict(video), "faults": faults[name]} for name, video in videos.items()]
     for row in rows:
-        del row["findings"]  # they stand together, below
+        del row["findings"]  # all findings are listed together, below
     angles = [report.angles for report in reports if report.angles is not None]
     ranking = list(ranked(angles).items())[:RANKING_SHOWN] if angles else []
     return {
@@ -67,7 +67,7 @@ def _lens(videos: Iterable[VideoReport]) -> list[dict[str, Any]]:
 
 
 def pictures_of(frames: FrameSet, shown: Iterable[tuple[Frame, list[str]]]) -> list[Picture]:
-    """Small pictures of frames that are worth one, with what is wrong of each."""
+    """Thumbnails of frames, each with its faults."""
     pictures = []
     for frame, lines in shown:
         small = thumbnail(frames, frame, BROKEN_WIDTH if lines else HEALTHY_WIDTH)

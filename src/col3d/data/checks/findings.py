@@ -1,4 +1,4 @@
-"""What a verification finds: of a frame, of a video, and each thing to know in a line."""
+"""Results of a verification: findings, and reports of frames and videos."""
 
 from dataclasses import dataclass, field
 
@@ -10,14 +10,14 @@ NAN = float("nan")
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing to know about the data.
+    """A fault or a note on the data.
 
     Attributes:
-        rule: in a word or two, such as `pair` or `unit length`.
-        text: a line that names the file, the rule and what came.
+        rule: name of the rule, such as `pair` or `unit length`.
+        text: a line that names the file, the rule and what was found.
         video: empty where it is about the whole data set.
         frame: None where it is about a whole video.
-        fault: something is wrong; otherwise a note.
+        fault: whether something is wrong; otherwise it is a note.
     """
 
     rule: str
@@ -29,13 +29,13 @@ class Finding:
 
 @dataclass(frozen=True)
 class Reprojection:
-    """Depth of one frame against that of another, seen through their poses.
+    """Depth of one frame compared with that of another, seen through their poses.
 
     Attributes:
         to: number of the other frame.
         step: mm from the one camera to the other.
         seen: share of the points that the other frame sees too.
-        median: of the absolute differences of depth in mm; NaN where the two hardly see the same.
+        median: median of the absolute differences of depth in mm; NaN where the two hardly see the same.
         tenth: the difference that a tenth of the points stays below.
     """
 
@@ -48,18 +48,18 @@ class Reprojection:
 
 @dataclass
 class FrameReport:
-    """What came of one frame; NaN where it was not looked at.
+    """Results of the checks of one frame; NaN where something was not checked.
 
     Attributes:
-        in_full: its files were decoded, not only their headers read.
+        in_full: whether its files were decoded, not only their headers read.
         low: least depth in mm.
-        high: largest.
+        high: largest depth in mm.
         unknown: share of the pixels whose depth does not count, by its code.
         outside: share of the pixels with depth that lie outside the octagon.
-        digest: of the decoded picture; empty where it could not be decoded.
+        digest: SHA-1 of the decoded picture; empty where it could not be decoded.
         angles: median angle in degrees of the stored normals to those of the depth, by convention.
         off_length: share of the stored normals without unit length, by encoding.
-        flow: median distance in pixels of stored flow from the motion that depth and poses tell of.
+        flow: median distance in pixels of stored flow from the motion that depth and poses imply.
     """
 
     video: str
@@ -77,34 +77,34 @@ class FrameReport:
     findings: list[Finding] = field(default_factory=list)
 
     def fault(self, rule: str, text: str) -> None:
-        """Note what is wrong with it."""
+        """Add a fault of the frame."""
         self.findings.append(Finding(rule, text, self.video, self.number))
 
 
 @dataclass
 class VideoReport:
-    """What came of one video: medians and means over its frames.
+    """Results of the checks of one video: medians and means over its frames.
 
     Attributes:
-        frames: that lie there.
-        expected: that should; None where nothing says so.
-        in_full: of those, how many were decoded.
+        frames: number of frames that exist.
+        expected: number of frames that should exist; None where it is not known.
+        in_full: number of frames that were decoded.
         size: height and width that all frames have to have.
-        release: of the data set that it follows; empty where there are none.
-        normals: which convention its stored normals follow; empty without any.
-        camera: `lens` or `pinhole`, whose normals of the depth they are.
-        angle: median angle in degrees to those.
+        release: release of the data set that it follows; empty where there are none.
+        normals: convention of its stored normals; empty without any.
+        camera: `lens` or `pinhole`, the camera of the depth's normals that fit them.
+        angle: median angle in degrees between the two.
         ranking: the best conventions with their angles.
         off_length: share of the normals without unit length.
-        pairs: of frames whose depth was compared.
-        poses: pose.txt is there.
+        pairs: number of pairs of frames whose depth was compared.
+        poses: whether pose.txt exists.
         reprojection: median over the pairs in mm.
         lens: by reading of the lens, the median over pairs of frames farther apart of the median
             |z - depth there| in mm; the first is the camera's own. See `lens.check_lens`.
-        lens_pairs: how many those are.
+        lens_pairs: number of those pairs.
         flow: median over frames of the median distance in pixels of stored flow from the motion that depth
-            and poses tell of.
-        duplicates: frames with the picture of another.
+            and poses imply.
+        duplicates: number of frames with the picture of another.
     """
 
     video: str
@@ -134,9 +134,9 @@ class VideoReport:
     findings: list[Finding] = field(default_factory=list)
 
     def fault(self, rule: str, text: str, frame: int | None = None) -> None:
-        """Note what is wrong with it, or with one of its frames."""
+        """Add a fault of the video, or of one of its frames."""
         self.findings.append(Finding(rule, text, self.video, frame))
 
     def note(self, rule: str, text: str) -> None:
-        """Note what is worth knowing."""
+        """Add a note on the video."""
         self.findings.append(Finding(rule, text, self.video, fault=False))

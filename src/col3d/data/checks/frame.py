@@ -1,4 +1,4 @@
-"""Checks of one frame: its files, and what depth and normals in them say. Each file is read once."""
+"""Checks of one frame: its files, and the depth, normals and flow in them. Each file is read once."""
 
 import hashlib
 from pathlib import Path
@@ -22,20 +22,20 @@ MOST_OUTSIDE = 0.005
 """Share of depth outside the octagon; C3VD's own frames have 0.0004."""
 LENGTH_TOLERANCE = 0.01
 MOST_FLOW = 0.5
-"""Pixels; a step of the code is 0.0006, a phantom's flow is off by 0.001."""
+"""Largest median error in pixels; a step of the code is 0.0006, a phantom's flow is off by 0.001."""
 TYPES = {8: np.uint8, 16: np.uint16}
 
 
 def check_frame(
     frames: FrameSet, frame: Frame, in_full: bool, poses: tuple[Pose, Pose] | None = None
 ) -> tuple[FrameReport, Depth | None]:
-    """What comes of one frame, and its depth where there is any.
+    """Check one frame; returns its report, and its depth where it has any.
 
     Args:
-        frames: of the data set.
-        frame: with the files at hand.
-        in_full: decode them; otherwise their headers and lengths are checked.
-        poses: its own and that of the frame before, for its flow.
+        frames: frames of the data set.
+        frame: the frame, with the files that exist.
+        in_full: whether to decode the files; otherwise their headers and lengths are checked.
+        poses: poses of the frame and of the frame before, for its flow.
     """
     report = FrameReport(frame.video, frame.number, in_full)
     pixels = {kind: _read(frames, kind, path, report) for kind, path in frame.files.items()}
@@ -53,7 +53,7 @@ def check_frame(
 
 
 def read_depth(frames: FrameSet, frame: Frame) -> Depth | None:
-    """Depth of a frame that is checked elsewhere, or None where it cannot be read."""
+    """Depth of a frame that is checked elsewhere; None where it cannot be read."""
     return check_frame(frames, Frame(frame.video, frame.number, _depth_alone(frame)), in_full=True)[1]
 
 
@@ -62,11 +62,11 @@ def _depth_alone(frame: Frame) -> dict[str, Path]:
 
 
 def _read(frames: FrameSet, kind: str, path: Path, report: FrameReport) -> np.ndarray | None:
-    """The pixels of a file, or None where they are not asked for or it is broken, which is noted."""
-    asked = frames.kinds[kind]
+    """The pixels of a file; None where they are not requested, or the file is broken, which is reported."""
+    expected = frames.kinds[kind]
     try:
         frames.check_file(kind, path)
-    except Exception as error:  # whatever a broken header makes its reader raise
+    except Exception as error:  # a broken header may make its reader raise anything
         text = str(error) if isinstance(error, DataError) else f"{path}: not a readable image ({error})"
         report.fault("file", text)
         return None
@@ -77,16 +77,16 @@ def _read(frames: FrameSet, kind: str, path: Path, report: FrameReport) -> np.nd
     except DataError as error:
         report.fault("file", str(error))
         return None
-    some = pixels.shape[2:] if asked.channels is None else (asked.channels,)[: asked.channels > 1]
+    some = pixels.shape[2:] if expected.channels is None else (expected.channels,)[: expected.channels > 1]
     shape = (*frames.camera.size_hw, *some)
-    if pixels.shape != shape or pixels.dtype != TYPES.get(asked.bits or 0, pixels.dtype):
+    if pixels.shape != shape or pixels.dtype != TYPES.get(expected.bits or 0, pixels.dtype):
         report.fault("file", f"{path}: expected pixels of shape {shape}, got {pixels.shape}, {pixels.dtype}")
         return None
     return pixels
 
 
 def _pixels(frames: FrameSet, kind: str, path: Path) -> np.ndarray:
-    """As data sets read them, where they may be of any type."""
+    """Decode a file; kinds of any number of bits are read as the data set reads them."""
     if frames.kinds[kind].bits is not None:
         return read_whole(path)
     return frames.depth_codes(path) if kind == "depth" else read_rgb8(path)
@@ -106,7 +106,7 @@ def _check_depth(frames: FrameSet, path: Path, depth: Depth, report: FrameReport
 
 
 def _check_octagon(path: Path, depth: Depth, report: FrameReport, fault: bool) -> None:
-    """Of C3VDv2 no frame was at hand to measure its octagon: a note is all there can be."""
+    """Check that depth lies inside the octagon; a note for C3VDv2, whose octagon was not measured."""
     report.outside = _share_outside(depth.known)
     if report.outside > MOST_OUTSIDE:
         text = (
@@ -131,7 +131,7 @@ def _check_flow(
     poses: tuple[Pose, Pose] | None,
     report: FrameReport,
 ) -> None:
-    """Flow against the motion of the surface that depth and poses tell of."""
+    """Compare flow with the motion of the surface that depth and poses imply."""
     if codes[..., 2].any():
         report.fault("flow", f"{path}: expected flow in red and green alone, and blue is not 0 everywhere")
     if poses is None:

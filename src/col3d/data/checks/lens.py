@@ -1,4 +1,4 @@
-"""Whether lens, poses and depth of a video belong together: a lens measured against its other readings."""
+"""Check that lens, poses and depth of a video fit together, against other readings of the lens."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,21 +15,21 @@ from col3d.data.datasets.frame_set import FrameSet
 from col3d.geometry import Camera, OmnidirectionalCamera
 
 GROUPS, IN_GROUP = 3, 3
-"""Places of a video, and frames at each, whose depth is compared by twos."""
+"""Number of places of a video, and of frames at each, whose depth is compared in pairs."""
 APART = 30
-"""Frames between those of a place: far enough apart to tell lenses, near enough to see the same wall."""
+"""Distance between frames of a place: far enough to tell lenses apart, near enough to see the same wall."""
 BELONGS = 0.05
 """Millimetres up to which a lens fits depth and poses; C3VD's own fits to 0.0005."""
 BETTER = 2.0
-"""How many times nearer another reading of the lens has to come to be called the right one."""
+"""Factor by which another reading of the lens has to fit better to be called the right one."""
 
 
 @dataclass(frozen=True)
 class LensReport:
-    """How well each reading of the lens carries depth from frame to frame.
+    """Error of each reading of the lens in carrying depth from frame to frame.
 
     Attributes:
-        pairs: of frames that were compared.
+        pairs: number of pairs of frames that were compared.
         errors: by reading, the median over the pairs of the median |z - depth there| in mm; the first is the
             camera's own.
     """
@@ -39,11 +39,11 @@ class LensReport:
 
 
 def check_lens(frames: FrameSet, plan: Plan) -> LensReport:
-    """Compare a few frames of a video by twos, through each reading of its lens.
+    """Compare a few frames of a video in pairs, through each reading of its lens.
 
     Args:
-        frames: of the data set.
-        plan: of the video.
+        frames: frames of the data set.
+        plan: plan of the video.
     """
     torch.set_num_threads(1)
     readings = readings_of(frames)
@@ -54,9 +54,9 @@ def check_lens(frames: FrameSet, plan: Plan) -> LensReport:
         depths = {number: depth for number, depth in read.items() if depth is not None}
         for one, other in permutations(depths, 2):
             pair, poses = (depths[one], depths[other]), (plan.poses[one], plan.poses[other])
-            found = [surface_error(*pair, poses, camera) for camera in readings.values()]
-            if np.isfinite(found).all():
-                errors.append(found)
+            distances = [surface_error(*pair, poses, camera) for camera in readings.values()]
+            if np.isfinite(distances).all():
+                errors.append(distances)
     if not errors:
         return LensReport(0, {})
     medians = np.median(np.array(errors), axis=0).tolist()
@@ -72,11 +72,11 @@ def readings_of(frames: FrameSet) -> dict[str, Camera]:
 
 
 def conclude_lens(video: VideoReport, report: LensReport) -> None:
-    """Note the figures, and a lens that another reading beats.
+    """Record the errors of a lens, and a fault where another reading of it fits better.
 
     Args:
-        video: what is known of it; this adds to it.
-        report: of its lens.
+        video: report of the video, which this adds to.
+        report: report of its lens.
     """
     video.lens, video.lens_pairs = dict(report.errors), report.pairs
     if not report.errors:

@@ -1,4 +1,4 @@
-"""Which frames a video has, and which of their files are missing."""
+"""List the frames of a video, and which of their files are missing."""
 
 from pathlib import Path
 
@@ -7,16 +7,16 @@ from col3d.data.datasets.frame_files import Frame, Kind
 from col3d.data.datasets.frame_set import FrameSet
 
 EXTRA = ("occlusion", "flow")
-"""Kinds of files that are checked where they are there."""
+"""Kinds of files that are checked where they exist."""
 
 
 def list_frames(frames: FrameSet, video: str, folder: Path) -> tuple[list[Frame], list[Finding]]:
-    """The frames of a video with the files at hand, and what is missing or there twice.
+    """List the frames of a video with the files that exist, and findings on missing and duplicate files.
 
     Args:
-        frames: of the data set, for its kinds of files.
-        video: its name.
-        folder: it lies in.
+        frames: frames of the data set, for its kinds of files.
+        video: name of the video.
+        folder: folder of the video.
     """
     needed = frames.needed(video)
     kinds = [kind for kind in (*needed, *EXTRA) if kind in frames.kinds]
@@ -25,14 +25,14 @@ def list_frames(frames: FrameSet, video: str, folder: Path) -> tuple[list[Frame]
     def note(number: int, fault: str) -> None:
         findings.append(Finding("pair", fault, video, number))
 
-    found = frames.files(folder, kinds, twice=note)
+    files = frames.files(folder, kinds, twice=note)
     if how := frames.notes.get(folder):
         findings.append(Finding("pair", how, video, fault=False))
-    numbers = sorted(set().union(*(found[kind] for kind in needed)))
+    numbers = sorted(set().union(*(files[kind] for kind in needed)))
     for kind in needed:
-        missing = [number for number in numbers if number not in found[kind]]
+        missing = [number for number in numbers if number not in files[kind]]
         findings += _missing(frames.kinds[kind], kind, folder, video, missing, len(numbers))
-    listed = [Frame(video, n, {kind: found[kind][n] for kind in kinds if n in found[kind]}) for n in numbers]
+    listed = [Frame(video, n, {kind: files[kind][n] for kind in kinds if n in files[kind]}) for n in numbers]
     return listed, findings
 
 

@@ -1,4 +1,4 @@
-"""What the stored normals of a whole video follow, and which of its frames do not."""
+"""Convention of the stored normals of a video, and frames that do not follow it."""
 
 from collections.abc import Mapping, Sequence
 
@@ -16,70 +16,70 @@ TIE = 1.0
 ODD = 3.0
 """Degrees by which another convention must suit a frame better than that of its video."""
 SHOWN = 5
-"""Conventions of the ranking that are kept of a video."""
+"""Number of conventions of the ranking that are kept of a video."""
 
 
 def conclude_normals(video: VideoReport, plan: Plan, reports: Sequence[FrameReport], release: str) -> None:
-    """Find the convention of a video's normals, and hold the release and every frame against it.
+    """Find the convention of a video's normals, and compare the release and every frame with it.
 
     Args:
-        video: what is known of it; this adds to it.
-        plan: of it.
-        reports: of its frames.
-        release: that is asked for, or `auto`.
+        video: report of the video, which this adds to.
+        plan: plan of the video.
+        reports: reports of its frames.
+        release: the requested release, or `auto`.
     """
     angles = [report.angles for report in reports if report.angles is not None]
     if not angles:
         return
     ranking = ranked(angles)
-    found = _best(ranking, release)
-    encoding = ENCODINGS.index(found.clipped)
+    chosen = _best(ranking, release)
+    encoding = ENCODINGS.index(chosen.clipped)
     video.ranking = [(convention.called, angle) for convention, angle in list(ranking.items())[:SHOWN]]
-    video.normals, video.camera, video.angle = str(found), found.camera, ranking[found]
-    video.release = found.release or video.release
+    video.normals, video.camera, video.angle = str(chosen), chosen.camera, ranking[chosen]
+    video.release = chosen.release or video.release
     lengths = [report.off_length[encoding] for report in reports if report.off_length]
     video.off_length = float(np.mean(lengths))
-    if wrong := _wrong(found, ranking, release):
+    if wrong := _wrong(chosen, ranking, release):
         video.fault("normals", f"{video.folder}: {wrong}")
     for report in reports if video.angle <= AGREEMENT else ():
         path = str(plan.path(report.number, "normals"))
-        _check_angle(video, report, path, found)
+        _check_angle(video, report, path, chosen)
         _check_length(video, report, path, encoding)
 
 
 def _best(ranking: Mapping[Convention, float], release: str) -> Convention:
-    """The best convention, or one of a release where that is as good, the one asked for first."""
+    """The best convention, or one of a release where that is as good, the requested one first."""
     best = next(iter(ranking))
     near = [c for c in ranking if c.release and ranking[c] <= ranking[best] + TIE]
     return next((c for c in near if c.release == release), near[0] if near else best)
 
 
-def _wrong(found: Convention, ranking: Mapping[Convention, float], release: str) -> str:
-    """What is wrong with the convention of a video, or nothing."""
-    if ranking[found] > AGREEMENT:
+def _wrong(chosen: Convention, ranking: Mapping[Convention, float], release: str) -> str:
+    """Fault of the convention of a video; empty where there is none."""
+    if ranking[chosen] > AGREEMENT:
         return (
-            f"its normals do not belong to its depth: {ranking[found]:.0f} degrees apart under the best of "
-            f"all conventions, {found.called} (at most {AGREEMENT:.0f})"
+            f"its normals do not belong to its depth: {ranking[chosen]:.0f} degrees apart under the best of "
+            f"all conventions, {chosen.called} (at most {AGREEMENT:.0f})"
         )
-    if not found.release:
+    if not chosen.release:
         nearest = min((c for c in ranking if c.release), key=lambda c: ranking[c])
         return (
-            f"expected normals as a release of C3VD stores them, got {found.called}: {ranking[found]:.1f} "
+            f"expected normals as a release of C3VD stores them, got {chosen.called}: {ranking[chosen]:.1f} "
             f"degrees from those of the depth, and {ranking[nearest]:.1f} read as {nearest.release}"
         )
-    if release not in ("auto", found.release):
-        return f"its normals follow the release {found.release}, and data.release={release}"
+    if release not in ("auto", chosen.release):
+        return f"its normals follow the release {chosen.release}, and data.release={release}"
     return ""
 
 
-def _check_angle(video: VideoReport, report: FrameReport, path: str, found: Convention) -> None:
-    """A frame whose normals are of another frame, or stored in another way than those of the others."""
+def _check_angle(video: VideoReport, report: FrameReport, path: str, chosen: Convention) -> None:
+    """Report a frame whose normals are those of another frame, or stored differently from the others."""
     if report.angles is None:
         return
-    angle, best = float(report.angles[CONVENTIONS.index(found)]), int(np.argmin(report.angles))
+    angle, best = float(report.angles[CONVENTIONS.index(chosen)]), int(np.argmin(report.angles))
     if angle > min(AGREEMENT, float(report.angles[best]) + ODD):
         text = (
-            f"{path}: expected normals {found} of its depth as in the rest of the video, and they are "
+            f"{path}: expected normals {chosen} of its depth as in the rest of the video, and they are "
             f"{angle:.0f} degrees apart; {report.angles[best]:.0f} read as {CONVENTIONS[best].called}"
         )
         video.fault("normals", text, report.number)

@@ -1,4 +1,4 @@
-"""Poses of a video: the lines of pose.txt."""
+"""Read the poses of a video from pose.txt, with findings on bad lines."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,11 +14,11 @@ LAST = np.array([0.0, 0.0, 0.0, 1.0])
 
 
 def read_poses(path: Path, video: str) -> tuple[dict[int, Pose], int, list[Finding]]:
-    """Camera-to-world matrices by frame, how many lines there are, and what is wrong with others.
+    """Camera-to-world matrices by frame, the number of lines, and findings on the other lines.
 
     Args:
-        path: of pose.txt.
-        video: that it is of.
+        path: path of pose.txt.
+        video: name of its video.
     """
     try:
         lines = pose_lines(path)
@@ -32,7 +32,7 @@ def read_poses(path: Path, video: str) -> tuple[dict[int, Pose], int, list[Findi
         else:
             rows[number] = row
     poses, broken = _matrices(rows)
-    findings += [_fault(path, video, number, *what) for number, what in broken.items()]
+    findings += [_fault(path, video, number, *reasons) for number, reasons in broken.items()]
     return poses, len(lines), findings
 
 
@@ -45,7 +45,7 @@ def _numbers(line: str) -> np.ndarray | None:
 
 
 def _matrices(rows: Mapping[int, np.ndarray]) -> tuple[dict[int, Pose], dict[int, tuple[str, str]]]:
-    """Those that are poses, all written the same way, and why others are not."""
+    """The matrices that are poses, all written the same way, and why the others are not."""
     if not rows:
         return {}, {}
     whole = np.stack(list(rows.values())).reshape(-1, 4, 4)
@@ -69,7 +69,7 @@ def _matrices(rows: Mapping[int, np.ndarray]) -> tuple[dict[int, Pose], dict[int
     return poses, broken
 
 
-def _fault(path: Path, video: str, number: int, rule: str, came: str) -> Finding:
+def _fault(path: Path, video: str, number: int, rule: str, actual: str) -> Finding:
     return Finding(
-        "poses", f"{path}: line {number + 1}, of frame {number}: {rule}, got {came}", video, number
+        "poses", f"{path}: line {number + 1}, of frame {number}: {rule}, got {actual}", video, number
     )

@@ -1,4 +1,4 @@
-"""Depth of one frame carried into another by their poses, and compared with the depth that is there."""
+"""Carry depth of one frame into another by their poses, and compare it with the depth there."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ from col3d.geometry import Camera
 
 Pose = Float64[np.ndarray, "4 4"]
 SPACING = 108
-"""Rows of points that are carried over: every hundredth pixel of a frame of C3VD."""
+"""Rows of points that are carried over: every tenth row and column of a frame of C3VD."""
 ENOUGH_SEEN = 0.05
 """Share of the points that both frames see, below which nothing is compared."""
 FLAT = 1e-4
@@ -23,18 +23,18 @@ HIDDEN = 0.01
 
 @dataclass(frozen=True)
 class Carried:
-    """Points of one frame in the other, those alone that fall between four of its pixels of known depth.
+    """Points of one frame in the other; only those that fall between four of its pixels of known depth.
 
     Attributes:
-        points: how many the one frame has.
+        points: number of points of the one frame.
         z: their depth in the other camera, in mm.
-        there: depth of the other frame between the four pixels.
-        bend: of the depth of the four: what keeps them from lying on one plane.
+        surface_z: depth of the other frame, interpolated between the four pixels, in mm.
+        bend: bend of the depth of the four, which is 0 where they lie on one plane.
     """
 
     points: int
     z: Float64[np.ndarray, " n"]
-    there: Float64[np.ndarray, " n"]
+    surface_z: Float64[np.ndarray, " n"]
     bend: Float64[np.ndarray, " n"]
 
     @property
@@ -48,31 +48,31 @@ def carry(first: Depth, second: Depth, poses: tuple[Pose, Pose], camera: Camera)
 
     Args:
         first: depth of the one frame.
-        second: of the other.
-        poses: camera to world of both.
-        camera: that took them.
+        second: depth of the other.
+        poses: camera-to-world matrices of both.
+        camera: camera of both frames.
     """
     _, points = _lifted(first, camera)
     moved, pixels = _moved(points, poses, camera)
-    there, bend, seen = _between(second, pixels)
-    return Carried(points.shape[1], moved[2][seen], there[seen], bend[seen])
+    surface_z, bend, seen = _between(second, pixels)
+    return Carried(points.shape[1], moved[2][seen], surface_z[seen], bend[seen])
 
 
 def reproject(first: Depth, second: Depth, poses: tuple[Pose, Pose], camera: Camera, to: int) -> Reprojection:
-    """How far carried depth is from that of the other frame, over all points that fall into it.
+    """Compare carried depth with that of the other frame, over all points that fall into it.
 
     Args:
         first: depth of the one frame.
-        second: of the other.
-        poses: camera to world of both.
-        camera: that took them.
+        second: depth of the other.
+        poses: camera-to-world matrices of both.
+        camera: camera of both frames.
         to: number of the other frame.
     """
     step = float(np.linalg.norm((np.linalg.inv(poses[1]) @ poses[0])[:3, 3]))
     carried = carry(first, second, poses, camera)
     if carried.seen < ENOUGH_SEEN:
         return Reprojection(to, step, carried.seen, NAN, NAN)
-    tenth, median = np.quantile(np.abs(carried.there - carried.z), [0.1, 0.5])
+    tenth, median = np.quantile(np.abs(carried.surface_z - carried.z), [0.1, 0.5])
     return Reprojection(to, step, carried.seen, float(median), float(tenth))
 
 
@@ -83,27 +83,27 @@ def surface_error(first: Depth, second: Depth, poses: tuple[Pose, Pose], camera:
     so are points behind the surface of the other frame, which hides them. NaN where too few are left.
     """
     carried = carry(first, second, poses, camera)
-    kept: Bool[np.ndarray, " n"] = carried.bend <= FLAT * carried.there
-    kept &= carried.z <= (1 + HIDDEN) * carried.there
+    kept: Bool[np.ndarray, " n"] = carried.bend <= FLAT * carried.surface_z
+    kept &= carried.z <= (1 + HIDDEN) * carried.surface_z
     if np.count_nonzero(kept) < ENOUGH_SEEN * max(1, carried.points):
         return NAN
-    return float(np.median(np.abs(carried.z - carried.there)[kept]))
+    return float(np.median(np.abs(carried.z - carried.surface_z)[kept]))
 
 
 def flow_error(
     depth: Depth, flow: np.ndarray, known: np.ndarray, poses: tuple[Pose, Pose], camera: Camera
 ) -> float:
-    """Median distance in pixels between stored flow and the motion that depth and poses tell of.
+    """Median distance in pixels between stored flow and the motion that depth and poses imply.
 
     Args:
-        depth: of a frame.
+        depth: depth of a frame.
         flow: (h, w, 2), where its pixels were in the frame before, minus where they are.
-        known: where that is known.
-        poses: camera to world of the frame, and of the one before.
-        camera: that took them.
+        known: where flow is known.
+        poses: camera-to-world matrices of the frame, and of the one before.
+        camera: camera of both frames.
 
     Returns:
-        NaN where too little is known.
+        The distance; NaN where too little is known.
     """
     pixels, points = _lifted(depth, camera)
     u, v = pixels.T.astype(int)
@@ -142,11 +142,11 @@ def _between(depth: Depth, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray, 
     safe = np.where(inside[:, None], pixels, 0.0)
     u, v = np.floor(safe).astype(np.int64).T
     across, down = (safe - np.floor(safe)).T
-    there, bend, seen = np.zeros(len(pixels)), np.zeros(len(pixels)), inside
+    surface_z, bend, seen = np.zeros(len(pixels)), np.zeros(len(pixels)), inside
     for row, column in ((0, 0), (0, 1), (1, 0), (1, 1)):
         weight = (down if row else 1 - down) * (across if column else 1 - across)
         mm = np.nan_to_num(depth.mm[v + row, u + column]).astype(np.float64)
-        there += weight * mm
+        surface_z += weight * mm
         bend += mm if row == column else -mm
         seen = seen & depth.known[v + row, u + column]
-    return there, np.abs(bend), seen
+    return surface_z, np.abs(bend), seen

@@ -1,4 +1,4 @@
-"""Whatever can be decoded of a file, however broken it is."""
+"""Decode as much as possible of a broken file."""
 
 import io
 import warnings
@@ -16,11 +16,11 @@ from col3d.errors import DataError
 from col3d.io.formats import IMAGE_FORMATS, image_format
 
 QUIETLY = ("PNG", "JPEG")
-"""Of which Pillow makes what it can, and says nothing."""
+"""Formats of which Pillow decodes what it can, without a message."""
 
 
 def read_in_part(path: Path) -> np.ndarray | None:
-    """All pixels of a file, or whatever there is of a broken image; None where that is nothing."""
+    """All pixels of a file, or as many as can be decoded of a broken image; None where none can."""
     try:
         return read_array(path) if is_array(path) else read_whole(path)
     except DataError:
@@ -31,7 +31,7 @@ def read_in_part(path: Path) -> np.ndarray | None:
             return None
         with _leniently(), warnings.catch_warnings(action="ignore"):
             return _pillow(content) if name in QUIETLY else _opencv(content)
-    except Exception:  # as in `read_whole`, where it is told
+    except Exception:  # decoders fail in many ways; `read_whole` reports it
         return None
 
 
@@ -49,7 +49,7 @@ def _opencv(content: bytes) -> np.ndarray:
 
 @contextmanager
 def _leniently() -> Iterator[None]:
-    """Rows that are missing stay black."""
+    """Let Pillow decode truncated images inside the block; missing rows stay black."""
     before, ImageFile.LOAD_TRUNCATED_IMAGES = ImageFile.LOAD_TRUNCATED_IMAGES, True
     try:
         yield

@@ -1,4 +1,4 @@
-"""Which frames are worth a picture."""
+"""Choose the frames that the page of a verification shows."""
 
 from collections.abc import Mapping, Sequence
 from itertools import zip_longest
@@ -15,12 +15,12 @@ Place = tuple[str, int]
 def frames_to_show(
     plans: Mapping[str, Plan], reports: Mapping[str, Sequence[FrameReport]], findings: Sequence[Finding]
 ) -> list[tuple[Frame, list[str]]]:
-    """Frames with what is wrong with each or with its video, and one healthy frame of every other video.
+    """Frames with the faults of each or of its video, and one healthy frame of every other video.
 
     Args:
-        plans: of the videos.
-        reports: of their frames.
-        findings: of all.
+        plans: plans of the videos.
+        reports: reports of their frames.
+        findings: findings on all of them.
     """
     middle = _middle(reports, findings)
     wrong: dict[Place, list[str]] = {}
@@ -31,20 +31,20 @@ def frames_to_show(
             place = (finding.video, number)
             wrong.setdefault(place, []).append(finding.text)
             kinds.setdefault((finding.video, finding.rule), []).append(place)
-    there = {(video, frame.number): frame for video, plan in plans.items() for frame in plan.frames}
-    in_turn = dict.fromkeys(place for row in zip_longest(*kinds.values()) for place in row if place in there)
-    shown = [(there[place], wrong[place]) for place in list(in_turn)[:MOST]]
-    of_videos = {finding.video for finding in findings if finding.fault and finding.frame is None}
-    healthy = [place for place in middle.items() if place[0] not in of_videos and place not in wrong]
-    return shown + [(there[place], []) for place in healthy]
+    known = {(video, frame.number): frame for video, plan in plans.items() for frame in plan.frames}
+    in_turn = dict.fromkeys(place for row in zip_longest(*kinds.values()) for place in row if place in known)
+    shown = [(known[place], wrong[place]) for place in list(in_turn)[:MOST]]
+    faulty_videos = {finding.video for finding in findings if finding.fault and finding.frame is None}
+    healthy = [place for place in middle.items() if place[0] not in faulty_videos and place not in wrong]
+    return shown + [(known[place], []) for place in healthy]
 
 
 def _middle(reports: Mapping[str, Sequence[FrameReport]], findings: Sequence[Finding]) -> dict[str, int]:
-    """Of each video the middle one of the frames that were decoded and have no fault of their own."""
+    """Of each video, the middle one of the frames that were decoded and have no fault of their own."""
     faulty = {(finding.video, finding.frame) for finding in findings if finding.fault}
-    found: dict[str, int] = {}
-    for video, of_it in reports.items():
-        good = [r.number for r in of_it if r.in_full and (video, r.number) not in faulty]
+    middles: dict[str, int] = {}
+    for video, frame_reports in reports.items():
+        good = [r.number for r in frame_reports if r.in_full and (video, r.number) not in faulty]
         if good:
-            found[video] = good[len(good) // 2]
-    return found
+            middles[video] = good[len(good) // 2]
+    return middles

@@ -1,4 +1,4 @@
-"""Whether prepared frames still are what was written."""
+"""Check that stores of prepared frames are undamaged."""
 
 import re
 from pathlib import Path
@@ -10,19 +10,19 @@ from col3d.errors import DataError
 
 
 def stores_beside(root: Path) -> list[Path]:
-    """Folders of prepared frames, of any size, where `col3d prepare` puts them."""
+    """Folders of prepared frames, of any size, where `col3d prepare` puts them by default."""
     root = root.absolute()
     named = re.compile(rf"{re.escape(root.name)}_\d+x\d+")
-    found = sorted(path for path in root.parent.iterdir() if named.fullmatch(path.name))
-    return [path for path in found if next(path.glob(f"*/{INDEX}"), None)]
+    folders = sorted(path for path in root.parent.iterdir() if named.fullmatch(path.name))
+    return [path for path in folders if next(path.glob(f"*/{INDEX}"), None)]
 
 
 def check_store(store: Path, fast: bool) -> list[Finding]:
-    """Every stored video: its index, its arrays' lengths and, with time, each of their bytes.
+    """Check every stored video: its index, its arrays' lengths and, unless `fast`, each of their bytes.
 
     Args:
         store: folder of the stored videos.
-        fast: do not read the arrays to the end.
+        fast: whether to skip reading the arrays to the end.
     """
     if not store.is_dir():
         return [Finding("store", f"{store}: no such folder of prepared frames")]

@@ -1,4 +1,4 @@
-"""Small pictures of a frame: what can be decoded of it, however broken."""
+"""Thumbnails of a frame, as far as its files can be decoded."""
 
 from contextlib import suppress
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from col3d.errors import DataError
 
 @dataclass(frozen=True)
 class Thumbnail:
-    """One frame, small; what it has not, or what cannot be decoded at all, is None.
+    """Small pictures of one frame; None for files that are absent or cannot be decoded at all.
 
     Attributes:
         image: RGB.
@@ -33,12 +33,12 @@ def thumbnail(frames: FrameSet, frame: Frame, width: int) -> Thumbnail:
     """Small pictures of a frame.
 
     Args:
-        frames: of the data set.
-        frame: with the files at hand.
-        width: in pixels.
+        frames: frames of the data set.
+        frame: the frame, with the files that exist.
+        width: width in pixels.
     """
-    found = {kind: _read(frames, kind, path) for kind, path in frame.files.items()}
-    image, codes, normals = (found.get(kind) for kind in ("color", "depth", "normals"))
+    decoded = {kind: _read(frames, kind, path) for kind, path in frame.files.items()}
+    image, codes, normals = (decoded.get(kind) for kind in ("color", "depth", "normals"))
     return Thumbnail(
         image=None if image is None else _small(_colours(image), width, cv2.INTER_AREA),
         depth=None if codes is None or codes.ndim != 2 else _small(_shown(frames, codes), width),
@@ -54,7 +54,7 @@ def _read(frames: FrameSet, kind: str, path: Path) -> np.ndarray | None:
 
 
 def _colours(pixels: np.ndarray) -> np.ndarray:
-    """Three channels of 8 bits, red first, whatever came."""
+    """Three channels of 8 bits, red first, from pixels of any form."""
     channels = pixels if pixels.ndim == 3 else pixels[..., None]
     three = [0, 1, 2] if channels.shape[-1] >= 3 else [0, 0, 0]
     eight = channels >> 8 if channels.dtype == np.uint16 else channels

@@ -1,4 +1,4 @@
-"""Whether there is anything to learn from and to score on, before anything is learned."""
+"""Check before a training that there is ground truth to learn from and to score on."""
 
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
@@ -14,7 +14,7 @@ from col3d.errors import UserError
 from col3d.losses.gradients import with_neighbours
 
 NEARLY_ALL = 0.95
-"""Share of a frame's pixels with depth from which nothing is said of it."""
+"""Share of a frame's pixels with depth from which on there is no note."""
 LEAST_MM = 1.0
 """Median depth below which its unit is in doubt: no endoscope is that near to all that it sees."""
 UNIT = "data.layout.depth_unit"
@@ -29,34 +29,34 @@ def check_truth(
 ) -> None:
     """Refuse a data set without a pixel of valid depth; usually one frame of each is read for it.
 
-    Of truth with holes, `say` is told how much of it counts.
+    For truth with holes, `say` is called with a line on how much of it counts.
 
     Raises:
-        UserError: names the part and the folder.
+        UserError: no frame of a part has valid depth, or known normals that the loss needs; names the folder.
     """
-    for part, source, of_source in _sets(frames, data):
+    for part, source, dataset in _sets(frames, data):
         span = truth_range if part == "test" else None
-        frame = first_with_truth(of_source, span)
+        frame = first_with_truth(dataset, span)
         if frame is None:
             within = f" within protocol.truth_range={span}" if span else ""
-            what = "learned from" if part == "train" else "scored on"
+            purpose = "learned from" if part == "train" else "scored on"
             raise UserError(
-                f"data.split.{part}: none of its {_length(of_source)} frames in {source.root} has a pixel of "
-                f"valid depth{within}: nothing can be {what}{_depth_there(of_source, source)}"
+                f"data.split.{part}: none of its {_length(dataset)} frames in {source.root} has a pixel of "
+                f"valid depth{within}: nothing can be {purpose}{_depth_range(dataset, source)}"
             )
         taught = learns_normals and part == "train" and "normals" in frame
         if taught and not (
-            _knows_normals(frame) or any(_knows_normals(of_source[i]) for i in range(_length(of_source)))
+            _knows_normals(frame) or any(_knows_normals(dataset[i]) for i in range(_length(dataset)))
         ):
             raise UserError(
-                f"data.split.train: none of its {_length(of_source)} frames in {source.root} has a pixel of "
+                f"data.split.train: none of its {_length(dataset)} frames in {source.root} has a pixel of "
                 f"known normals (data.normals={source.normals}), which this loss learns from; take a data "
                 "set that has them, or a model or loss without normals"
             )
-        if part == "val" or not isinstance(of_source, SizedFrames) or of_source.dense_truth:
+        if part == "val" or not isinstance(dataset, SizedFrames) or dataset.dense_truth:
             continue
         if _share(frame["mask"]) < NEARLY_ALL:
-            say(f"note: {source.root}: {_shares(of_source, frame)}")
+            say(f"note: {source.root}: {_shares(dataset, frame)}")
         layout = source.own.get("layout")
         if layout is not None and (note := _too_near(frame, layout.depth_unit)):
             say(f"note: {source.root}: {note}")
@@ -81,15 +81,15 @@ def first_with_truth(frames: Frames, span: list[float] | None = None) -> dict[st
 
 def _sets(frames: Mapping[str, Frames], data: DataOptions) -> Iterator[tuple[str, SourceOptions, Frames]]:
     """Each data set of each part, with its options."""
-    for part, of_part in frames.items():
+    for part, part_frames in frames.items():
         sources = [data.tested if part == "test" else data, *(data.also.values() if part == "train" else ())]
-        sets = of_part.parts if isinstance(of_part, Joined) else (of_part,)
-        for source, of_source in zip(sources, sets, strict=False):
-            yield part, source, of_source
+        sets = part_frames.parts if isinstance(part_frames, Joined) else (part_frames,)
+        for source, dataset in zip(sources, sets, strict=False):
+            yield part, source, dataset
 
 
 def _too_near(frame: Mapping[str, Any], unit: float) -> str:
-    """What is said of depth that an endoscope is hardly ever at."""
+    """A note on depth that an endoscope is hardly ever at; empty for any other."""
     median = float(frame["depth"][frame["mask"]].median())
     if median >= LEAST_MM:
         return ""
@@ -97,8 +97,8 @@ def _too_near(frame: Mapping[str, Any], unit: float) -> str:
     return f"{where}; if its files are in metres, say {UNIT}={1000 * unit:g}"
 
 
-def _depth_there(frames: Frames, source: SourceOptions) -> str:
-    """What depth of a described folder is in the unit that is said, though none of it counts."""
+def _depth_range(frames: Frames, source: SourceOptions) -> str:
+    """Clause on the range of depth of a described folder in its unit, where none of it counts."""
     layout = source.own.get("layout")
     if not isinstance(frames, Resized) or layout is None:
         return ""
@@ -121,19 +121,19 @@ def _knows_normals(frame: Mapping[str, Any]) -> bool:
 
 
 def _shares(frames: SizedFrames, frame: Mapping[str, Any]) -> str:
-    """How much of a frame's truth counts, in words."""
+    """A line on how much of a frame's truth counts."""
     height, width = frame["mask"].shape[-2:]
-    said = (
+    text = (
         f"{frame['video']}, frame {int(frame['frame'])} has depth at {_percent(frame['mask'])} of its pixels"
     )
-    said += f" at {height} x {width}"
+    text += f" at {height} x {width}"
     if isinstance(frames, Resized):
-        said += f" ({_percent(frames.frames.truth(frame['index'])['mask'])} of those of its files)"
+        text += f" ({_percent(frames.frames.truth(frame['index'])['mask'])} of those of its files)"
     if "normals" in frame:
         batch: Any = {key: frame[key][None] for key in ("mask", "normals")}
-        said += f", normals at {_percent(normals_mask(batch))}"
+        text += f", normals at {_percent(normals_mask(batch))}"
     whole = with_neighbours(frame["mask"][None])
-    return said + f"; losses that compare neighbours (gradients, consistency) count {_percent(whole)}"
+    return text + f"; losses that compare neighbours (gradients, consistency) count {_percent(whole)}"
 
 
 def _share(mask: Tensor) -> float:

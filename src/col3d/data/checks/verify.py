@@ -1,4 +1,4 @@
-"""Check a whole data set without training: options -> chunks of frames -> what is wrong."""
+"""Check a whole data set without training: options -> chunks of frames -> findings."""
 
 import sys
 import time
@@ -61,7 +61,7 @@ def verify(given: Mapping[str, Any]) -> None:
 
 
 def _verify(options: VerifyOptions, stop: StopSignals) -> int:
-    """Check, write and print; the number of faults."""
+    """Check, write and print; returns the number of faults."""
     source, began = options.data, time.monotonic()
     owned = _checked_room(Path(options.output))
     frames = frame_set(source, options.phantom, [])
@@ -70,7 +70,7 @@ def _verify(options: VerifyOptions, stop: StopSignals) -> int:
     plans, skipped = _plans(source, frames, options.fast)
     reports, wholes = _reports(frames, plans, options.workers)
     videos = {
-        name: summarise_video(frames, plan, reports[name], _asked(source, options.phantom, name))
+        name: summarise_video(frames, plan, reports[name], _expected(source, options.phantom, name))
         for name, plan in plans.items()
     }
     for name, whole in wholes.items():
@@ -83,25 +83,27 @@ def _verify(options: VerifyOptions, stop: StopSignals) -> int:
     facts = facts_of(options, videos, every, findings)
     facts["seconds"] = round(time.monotonic() - began, 2)
     pictures = pictures_of(frames, frames_to_show(plans, reports, findings))
-    stop.hold()  # for a moment, after which all of it is there
+    stop.hold()  # until all files are written
     _write(owned, facts, pictures)
-    stop.pending = None  # a signal that came too late for anything to be lost by it
+    stop.pending = None  # all files are written, so that a pending signal has no effect
     return sum(finding.fault for finding in findings)
 
 
 def _checked_room(folder: Path) -> Owned:
-    """The folder, where nothing of others would be replaced in it."""
+    """The output folder, unless foreign files would be replaced in it."""
     owned = Owned(folder, "verification", "output")
     if folder.exists() and not folder.is_dir():
         raise UserError(f"output: {folder} is a file; name a folder")
-    if {"data", "findings", "videos"} <= read_plain(folder / FACTS).keys():  # of before there was a list
+    if {"data", "findings", "videos"} <= read_plain(
+        folder / FACTS
+    ).keys():  # a verification without a list of its files
         owned.adopt(FACTS, PAGE)
     owned.check([FACTS, PAGE])
     return owned
 
 
 def _missing(source: SourceOptions, present: Iterable[str]) -> list[Finding]:
-    """Videos of the split that are not there."""
+    """Findings on videos of the split that do not exist."""
     present = list(present)
     missing = [video for video in _named(source, present) if video not in present]
     hint = "copy it there, or set data.allow_missing=true"
@@ -126,7 +128,7 @@ def _named(source: SourceOptions, present: Sequence[str]) -> list[str]:
 
 
 def _plans(source: SourceOptions, frames: FrameSet, fast: bool) -> tuple[dict[str, Plan], list[Finding]]:
-    """Plans of the videos, and notes of folders that are none."""
+    """Plans of the videos, and notes on folders that hold no frames or videos of another data set."""
     if names := other_folder_names(frames):
         print(names, flush=True)
     foreign = [video for video in frames.folders if _is_foreign(source, video)]
@@ -147,7 +149,7 @@ def _plans(source: SourceOptions, frames: FrameSet, fast: bool) -> tuple[dict[st
 
 
 def _is_foreign(source: SourceOptions, video: str) -> bool:
-    """Whether a video is of the other of the two data sets of C3VD."""
+    """Whether a video belongs to the other one of the two data sets of C3VD."""
     row = catalogue().get(video)
     return DATASETS[source.name].facts["table"] and row is not None and row.data != source.name
 
@@ -155,13 +157,13 @@ def _is_foreign(source: SourceOptions, video: str) -> bool:
 def _reports(
     frames: FrameSet, plans: Mapping[str, Plan], workers: int | None
 ) -> tuple[dict[str, list[FrameReport]], dict[str, WholeReport]]:
-    """Every frame of every video, checked, and each video as a whole."""
+    """Check every frame of every video, and each video as a whole."""
     parts = [part for plan in plans.values() for part in (*plan.chunks, plan)]
     total = sum(len(plan.frames) for plan in plans.values())
     reports: dict[str, list[FrameReport]] = {video: [] for video in plans}
     wholes: dict[str, WholeReport] = {}
-    found = in_processes(check, [(frames, part) for part in parts], "verify", total, workers)
-    for part, result in zip(parts, found, strict=True):
+    results = in_processes(check, [(frames, part) for part in parts], "verify", total, workers)
+    for part, result in zip(parts, results, strict=True):
         if isinstance(part, Plan):
             wholes[part.video] = result
         for report in [] if isinstance(part, Plan) else result:
@@ -169,8 +171,8 @@ def _reports(
     return reports, wholes
 
 
-def _asked(source: SourceOptions, phantom: PhantomOptions, video: str) -> ExpectedVideo:
-    """What a video should be: those of the data sets are in the table, a phantom's in its options."""
+def _expected(source: SourceOptions, phantom: PhantomOptions, video: str) -> ExpectedVideo:
+    """Expected properties of a video: from the table, or from the options of a phantom."""
     row = catalogue().get(video)
     listed = row is not None and row.data == source.name
     counts: dict[str, int] = {}
@@ -184,7 +186,7 @@ def _asked(source: SourceOptions, phantom: PhantomOptions, video: str) -> Expect
 
 
 def _check_phantom(source: SourceOptions, phantom: PhantomOptions, folders: Mapping[str, Path]) -> None:
-    """Refuse options that a phantom was not rendered with: every file would be called wrong."""
+    """Refuse options that a phantom was not rendered with: every file would be reported as wrong."""
     for folder in folders.values() if is_rendered(source) else ():
         made = (read_manifest(folder) or {}).get("settings", {})
         size, count = (
@@ -199,14 +201,14 @@ def _check_phantom(source: SourceOptions, phantom: PhantomOptions, folders: Mapp
 
 
 def _stores(options: VerifyOptions) -> list[Finding]:
-    """What came of the store that is named, or of those that a training would find."""
+    """Findings on the named store, or on those that a training would find."""
     source, root = options.data, Path(options.data.root)
     if source.store == "none":
         return []
     if source.store != "auto":
         return check_store(Path(source.store), options.fast)
     places = dict.fromkeys([*stores_beside(root), *remembered(root)])
-    return [found for place in places if place.is_dir() for found in check_store(place, options.fast)]
+    return [finding for place in places if place.is_dir() for finding in check_store(place, options.fast)]
 
 
 def _write(owned: Owned, facts: Mapping[str, Any], pictures: Sequence[Picture]) -> None:

@@ -1,4 +1,4 @@
-"""Checks of one video: its frames in chunks, and what comes of them together."""
+"""Checks of one video: it is cut into chunks of frames, which are checked and compared."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from col3d.geometry import Camera
 CHUNK = 16
 """Frames that one process checks at a time: few enough that one long video keeps all cores busy."""
 FAST_PAIRS = 4
-"""Pairs of neighbouring frames that are decoded of a video where time matters."""
+"""Pairs of neighbouring frames that are decoded of a video in a fast check."""
 
 
 @dataclass(frozen=True)
@@ -28,10 +28,10 @@ class Chunk:
     """Neighbouring frames of one video.
 
     Attributes:
-        frames: to check.
-        following: the one behind them, whose depth the last is compared with.
-        in_full: numbers of those to decode.
-        poses: of those that have one, and of the frame before the first.
+        frames: frames to check.
+        following: the frame after them, whose depth is compared with that of the last one.
+        in_full: numbers of the frames to decode.
+        poses: poses by number, of the frames that have one and of the frame before the first.
     """
 
     frames: tuple[Frame, ...]
@@ -42,11 +42,11 @@ class Chunk:
 
 @dataclass(frozen=True)
 class Plan:
-    """What there is to check of one video, and what its folder shows already.
+    """The frames of one video to check, and findings on its folder.
 
     Attributes:
-        lines: of pose.txt; None where there is none.
-        poses: camera to world, of the frames that have one.
+        lines: number of lines of pose.txt; None where there is none.
+        poses: camera-to-world matrices of the frames that have one.
     """
 
     video: str
@@ -71,10 +71,10 @@ def plan_video(frames: FrameSet, video: str, folder: Path, fast: bool = False) -
     """List a video's frames, read its poses, and cut it into chunks.
 
     Args:
-        frames: of the data set.
-        video: its name.
-        folder: it lies in.
-        fast: decode a few frames alone.
+        frames: frames of the data set.
+        video: name of the video.
+        folder: folder of the video.
+        fast: whether to decode only a few frames.
     """
     try:
         listed, findings = list_frames(frames, video, folder)
@@ -94,15 +94,15 @@ def _chunks(listed: Sequence[Frame], poses: Mapping[int, Pose], fast: bool) -> l
     in_full = frozenset(listed[place].number for place in _decoded(len(listed), fast))
     chunks = []
     for start in range(0, len(listed), CHUNK):
-        of_it, behind = tuple(listed[start : start + CHUNK]), listed[start + CHUNK : start + CHUNK + 1]
-        numbers = {frame.number for frame in (*of_it, *behind)}
-        theirs = {number: pose for number, pose in poses.items() if numbers & {number, number + 1}}
-        chunks.append(Chunk(of_it, behind[0] if behind else None, in_full & numbers, theirs))
+        chunk, following = tuple(listed[start : start + CHUNK]), listed[start + CHUNK : start + CHUNK + 1]
+        numbers = {frame.number for frame in (*chunk, *following)}
+        chunk_poses = {number: pose for number, pose in poses.items() if numbers & {number, number + 1}}
+        chunks.append(Chunk(chunk, following[0] if following else None, in_full & numbers, chunk_poses))
     return chunks
 
 
 def _decoded(count: int, fast: bool) -> set[int]:
-    """Places of the frames to decode: all, or a few pairs of neighbours over the whole video."""
+    """Positions of the frames to decode: all, or a few pairs of neighbours over the whole video."""
     if not fast or count <= 2 * FAST_PAIRS:
         return set(range(count))
     firsts = [round(n * (count - 2) / (FAST_PAIRS - 1)) for n in range(FAST_PAIRS)]
@@ -110,11 +110,11 @@ def _decoded(count: int, fast: bool) -> set[int]:
 
 
 def check_chunk(frames: FrameSet, chunk: Chunk, frame_done: Callable[[], None]) -> list[FrameReport]:
-    """Check each frame, and the depth of each against that of the next.
+    """Check each frame, and compare the depth of each with that of the next.
 
     Args:
-        frames: of the data set.
-        chunk: what to check.
+        frames: frames of the data set.
+        chunk: frames to check.
         frame_done: called after each frame.
     """
     torch.set_num_threads(1)
@@ -129,11 +129,15 @@ def check_chunk(frames: FrameSet, chunk: Chunk, frame_done: Callable[[], None]) 
         reports.append(report)
         before = depth
         frame_done()
-    behind = chunk.following
-    if behind is not None and before is not None and {behind.number} <= chunk.in_full & chunk.poses.keys():
-        depth = read_depth(frames, behind)
+    following = chunk.following
+    if (
+        following is not None
+        and before is not None
+        and {following.number} <= chunk.in_full & chunk.poses.keys()
+    ):
+        depth = read_depth(frames, following)
         if depth is not None:
-            _compare(frames.camera, chunk.poses, reports[-1], (before, depth), behind.number)
+            _compare(frames.camera, chunk.poses, reports[-1], (before, depth), following.number)
     return reports
 
 

@@ -1,4 +1,4 @@
-"""What comes of a whole video, once all its frames are checked; and pictures that are there twice."""
+"""Summarise a whole video once all its frames are checked, and find duplicate pictures."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -22,13 +22,13 @@ are less than 1 apart."""
 
 @dataclass(frozen=True)
 class ExpectedVideo:
-    """What a video should be.
+    """Expected properties of a video.
 
     Attributes:
-        frames: how many by release; empty where nothing says so.
-        exactly: another number of frames is a fault, not a note.
-        release: that it should follow, or `auto`.
-        poses: pose.txt has to be there.
+        frames: number of frames by release; empty where it is not known.
+        exactly: whether another number of frames is a fault, not a note.
+        release: release that it should follow, or `auto`.
+        poses: whether pose.txt has to exist.
     """
 
     frames: Mapping[str, int]
@@ -38,15 +38,15 @@ class ExpectedVideo:
 
 
 def summarise_video(
-    frames: FrameSet, plan: Plan, reports: Sequence[FrameReport], asked: ExpectedVideo
+    frames: FrameSet, plan: Plan, reports: Sequence[FrameReport], expected: ExpectedVideo
 ) -> VideoReport:
-    """What comes of a video.
+    """Summarise a video: statistics over its frames, and checks of normals, count and poses.
 
     Args:
-        frames: of the data set.
-        plan: of the video.
-        reports: of its frames.
-        asked: what it should be.
+        frames: frames of the data set.
+        plan: plan of the video.
+        reports: reports of its frames.
+        expected: expected properties of the video.
     """
     video = VideoReport(plan.video, str(plan.folder), frames.camera.size_hw, frames=len(plan.frames))
     video.findings = [*plan.findings, *(finding for report in reports for finding in report.findings)]
@@ -60,21 +60,21 @@ def summarise_video(
     video.outside = _over(np.mean, [report.outside for report in reports])
     video.release = _release_of_names(plan) if isinstance(frames, C3VD) else ""
     video.flow = _over(np.median, [report.flow for report in reports])
-    conclude_normals(video, plan, reports, asked.release)
-    _conclude_count(video, asked)
-    _conclude_poses(video, plan, reports, asked)
+    conclude_normals(video, plan, reports, expected.release)
+    _conclude_count(video, expected)
+    _conclude_poses(video, plan, reports, expected)
     return video
 
 
 def duplicates(
     videos: Mapping[str, VideoReport], plans: Mapping[str, Plan], reports: Iterable[FrameReport]
 ) -> None:
-    """Note the frames whose picture was there before, in their own video or another.
+    """Report frames whose picture is that of an earlier frame, in their own video or another.
 
     Args:
-        videos: by name; this adds to them.
-        plans: likewise.
-        reports: of the frames of all.
+        videos: reports of videos by name, which this adds to.
+        plans: plans of videos by name.
+        reports: reports of the frames of all videos.
     """
     first: dict[str, FrameReport] = {}
     for report in reports:
@@ -92,30 +92,30 @@ def _over(function: Callable[[Sequence[float]], float], values: Sequence[float])
 
 
 def _release_of_names(plan: Plan) -> str:
-    """As C3VD's files tell it where there are no normals: the one before May 2023 does not pad numbers."""
+    """Release by the names of C3VD's files, without normals: before May 2023 numbers are not padded."""
     first = plan.frames[0]
     padded = any(path.name.split("_")[0] == f"{first.number:04d}" for path in first.files.values())
     return RELEASES[0 if padded else 1]
 
 
-def _conclude_count(video: VideoReport, asked: ExpectedVideo) -> None:
-    video.expected = asked.frames.get(video.release)
+def _conclude_count(video: VideoReport, expected: ExpectedVideo) -> None:
+    video.expected = expected.frames.get(video.release)
     if video.expected not in (None, video.frames):
         text = (
             f"{video.folder}: expected {video.expected} frames (release {video.release}), got {video.frames}"
         )
-        if asked.exactly:
+        if expected.exactly:
             video.fault("count", f"{text}; copy it again, or set data.allow_missing=true")
         else:
             video.note("count", text)
 
 
 def _conclude_poses(
-    video: VideoReport, plan: Plan, reports: Sequence[FrameReport], asked: ExpectedVideo
+    video: VideoReport, plan: Plan, reports: Sequence[FrameReport], expected: ExpectedVideo
 ) -> None:
     video.poses = plan.lines is not None
     if plan.lines is None:
-        tell = video.fault if asked.poses else video.note
+        tell = video.fault if expected.poses else video.note
         tell("poses", f"{plan.folder}: no poses: it has no pose.txt")
         return
     _check_lines(video, plan, plan.lines)
@@ -141,12 +141,12 @@ def _wrong_reprojection(pair: Reprojection) -> str:
 
 
 def _is_hidden(pair: Reprojection) -> bool:
-    """Whether a fold between two cameras far apart explains it: some of the points fit all the same."""
+    """Whether a fold between two cameras far apart explains a difference: some of the points still fit."""
     return pair.step > FAR and pair.tenth < WORST_REPROJECTION
 
 
 def _check_lines(video: VideoReport, plan: Plan, lines: int) -> None:
-    """One line a frame; of a video that is there in part, a line for each frame that is."""
+    """Check for one line a frame; in a partial copy of a video, for a line for each frame that exists."""
     last = plan.frames[-1].number
     whole = last == len(plan.frames) - 1
     if last >= lines or (whole and lines != len(plan.frames)):

@@ -1,4 +1,4 @@
-"""What one process checks at a time: a chunk of a video's frames, or what belongs to a video as a whole."""
+"""Units of work of a verification: a chunk of a video's frames, or a video as a whole."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,11 +13,11 @@ from col3d.errors import DataError
 
 @dataclass(frozen=True)
 class WholeReport:
-    """What came of a video as a whole.
+    """Results of the checks of a video as a whole.
 
     Attributes:
-        lens: how well it fits depth and poses.
-        findings: of its coverage mesh.
+        lens: how well the lens fits depth and poses.
+        findings: findings on its coverage mesh.
     """
 
     lens: LensReport
@@ -30,8 +30,8 @@ def check(
     """Check the frames of a chunk, or lens and coverage mesh of the video of a plan.
 
     Args:
-        frames: of the data set.
-        part: what to check.
+        frames: frames of the data set.
+        part: chunk or plan to check.
         frame_done: called after each frame of a chunk.
     """
     if isinstance(part, Plan):
@@ -40,7 +40,7 @@ def check(
 
 
 def _coverage(plan: Plan) -> list[Finding]:
-    """What is wrong with the coverage mesh, where there is one."""
+    """Findings on the coverage mesh, where there is one."""
     path = plan.folder / COVERAGE_MESH
     if not path.is_file():
         return []

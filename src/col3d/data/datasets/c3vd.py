@@ -52,14 +52,14 @@ class C3VD(FrameSet):
     Args:
         root: folder of the folders of videos.
         videos: names, labels of the paper, or frame ranges such as `cecum_t1_a:0-120`.
-        release: `current`, `pre_2023_05`, or `auto`: told for each video by its normals, held against the
-            depth, or by the names of its files where it has none.
+        release: `current`, `pre_2023_05`, or `auto`: recognised for each video by comparing its normals with
+            the depth, or by the names of its files where it has none.
         normals: `stored` reads them, `derived` computes them from the depth, `none` leaves them out.
         camera: lens and size of the stored frames; C3VD's own at 1080 x 1350 when absent.
-        truth: depth is needed; without it, images and poses are all that is looked for.
+        truth: whether depth is needed; without it, only images and poses are used.
 
     Raises:
-        DataError: names the file or video, the rule and what came.
+        DataError: names the file or video, the rule and what was found.
         ValueError: an unknown `release` or `normals`.
     """
 
@@ -97,12 +97,12 @@ class C3VD(FrameSet):
         return OmnidirectionalCamera.c3vd()
 
     def decoding(self) -> dict[str, Any]:
-        """Nothing: which release files follow is known of each video."""
+        """Nothing: the release that files follow is known for each video."""
         return {}
 
     @property
     def calibrated(self) -> Camera:
-        """The data set's own lens, if the frames were seen through it at whatever size."""
+        """The data set's own lens, if the frames were seen through it, at any size."""
         lens = self.lens()
         return lens if lens.resized(self.camera.size_hw) == self.camera else self.camera
 
@@ -113,20 +113,20 @@ class C3VD(FrameSet):
         Raises:
             DataError: there is no such root, or two folders are of one video.
         """
-        found: dict[str, Path] = {}
+        folders: dict[str, Path] = {}
         for name, folder in super().video_folders(root).items():
-            first = found.setdefault(canonical_name(name), folder)
+            first = folders.setdefault(canonical_name(name), folder)
             if first != folder:
                 raise DataError(f"{folder}: the same video as {first.name}; keep one of them")
-        return {video: _unwrapped(folder) for video, folder in found.items()}
+        return {video: _unwrapped(folder) for video, folder in folders.items()}
 
     def needed(self, video: str = "") -> list[str]:
-        """Kinds of files that are read; of a video that is known to have no truth, those that it has."""
+        """Kinds of files that are read; for a video without truth, only images."""
         row = catalogue().get(video)
         return super().needed(video) if self.with_truth and (row is None or row.has_truth) else ["color"]
 
     def refusal(self, video: str) -> str:
-        """Why a video cannot serve: it is of the other data set, or has no truth where that is needed."""
+        """Reason why a video cannot be used: it is of another data set, or lacks needed truth; else empty."""
         row = catalogue().get(video)
         if row is not None and row.data != self.data:
             return (
@@ -141,7 +141,7 @@ class C3VD(FrameSet):
         return ""
 
     def occlusion(self, index: int) -> Tensor | None:
-        """Where another surface lies behind the seen one within 100 mm: (1, h, w) bool, or None without file.
+        """Where another surface lies behind the visible one within 100 mm: (1, h, w) bool; None without file.
 
         Raises:
             DataError: the file is not what it should be.
@@ -154,7 +154,7 @@ class C3VD(FrameSet):
     def flow(self, index: int) -> tuple[Tensor, Tensor] | None:
         """Where each pixel was in the frame before: (2, h, w) in pixels, and where that is known (1, h, w).
 
-        Pixel there minus pixel here, x first. None without file, as of the first frame.
+        The pixel there minus the pixel here, x first. None without a file, as for the first frame.
 
         Raises:
             DataError: the file is not what it should be.
@@ -166,7 +166,7 @@ class C3VD(FrameSet):
         return torch.from_numpy(pixels).permute(2, 0, 1), torch.from_numpy(known)[None]
 
     def _beside(self, index: int, kind: str) -> Path | None:
-        """A file of a frame that nothing needs, where it is there."""
+        """Path of an optional file of a frame; None where it does not exist."""
         frame = self.frames[index]
         return self.kinds[kind].at(self.folders[frame.video], frame.number)
 
@@ -187,7 +187,7 @@ class C3VD(FrameSet):
             turns = poses[:, :3, :3]
             off = np.abs(turns @ turns.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
             fine = np.isfinite(poses).all(axis=(1, 2)) & (off < OFF_ORTHONORMAL)
-            fine[fine] = np.linalg.det(turns[fine]) > 0  # one that mirrors is none
+            fine[fine] = np.linalg.det(turns[fine]) > 0  # a matrix that mirrors is no rotation
             if not fine.all():
                 raise ValueError(f"line {int(np.argmin(fine)) + 1} is no rotation with a place")
             return torch.from_numpy(poses)
@@ -195,10 +195,10 @@ class C3VD(FrameSet):
             raise DataError(f"{path}: expected lines of 16 comma-separated numbers ({error})") from None
 
     def decoded_depth(self, codes: Shaped[np.ndarray, "h w"]) -> Depth:
-        """Depth by its codes, of all pixels or of some, as they are stored.
+        """Decode depth, of all pixels or of some.
 
-        The renderer cuts codes, so that depth is in [v, v + 1) steps of 0.0015 mm; v itself is read, as the
-        data set's own page says, which is half a step too near on average.
+        The renderer truncates codes, so that depth is in [v, v + 1) steps of 0.0015 mm; v itself is read, as
+        the data set's own page says, which is half a step too near on average.
         """
         mm = codes.astype(np.float32) * np.float32(MAX_DEPTH / FULL_CODE)
         return Depth(mm, (codes > 0) & (codes < FULL_CODE))
@@ -216,27 +216,27 @@ class C3VD(FrameSet):
         return take(read_rgb(frame.files["normals"], self.camera.size_hw, np.uint16))
 
     def _release_of(self, frames: list[Frame], release: str) -> str:
-        """The release that a video follows; stored normals that contradict the one asked for are refused."""
+        """The release that a video follows; refuse stored normals that contradict the requested one."""
         middle = frames[len(frames) // 2].number
         for frame in sorted(frames, key=lambda frame: abs(frame.number - middle)):
             if "normals" not in frame.files:
                 break
             depth, mask = self.depth_and_mask(frame, everywhere)
             angles = disagreement(self.normal_codes(frame), depth, mask, self.camera)
-            if not any(math.isnan(angle) for angle in angles.values()):  # some depth to hold them against
+            if not any(math.isnan(angle) for angle in angles.values()):  # there is depth to compare them with
                 return _agreed(frame.files["normals"], angles, release)
         padded = frames[0].files["depth"].name.split("_")[0] == f"{frames[0].number:04d}"
         return release if release != "auto" else RELEASES[0 if padded else 1]
 
 
 def _unwrapped(folder: Path) -> Path:
-    """A folder, or the one of the same name that an archive wrapped in it."""
+    """A folder, or the folder of the same name in it that an archive has added."""
     inner = folder / folder.name
     return inner if inner.is_dir() and not any(folder.glob("[!.]*.*")) else folder
 
 
 def _agreed(path: Path, angles: Mapping[str, float], release: str) -> str:
-    """The release that stored normals at these angles to those of the depth follow, if it may be that one."""
+    """The release that stored normals follow by their angles to those of the depth; refuse a wrong one."""
     best = min(RELEASES, key=lambda name: angles[name])
     if angles[best] > AGREEMENT or (release not in ("auto", best) and angles[release] > AGREEMENT):
         raise DataError(

@@ -20,7 +20,7 @@ OBSERVED, MISSED = 1, 2
 """Texture indices of faces."""
 COORDINATES = {OBSERVED: (0.0, 0.0), MISSED: (1.0, 1.0)}
 MATERIALS = {b"0": OBSERVED, b"1": MISSED}
-"""Names under which phantoms of earlier versions have their faces."""
+"""Names of materials by which phantoms before version 4 mark their faces."""
 
 
 @dataclass(frozen=True)
@@ -28,9 +28,9 @@ class CoverageMesh:
     """The wall of a video in world coordinates, mm.
 
     Attributes:
-        vertices: its corners.
-        triangles: three corners each.
-        observed: which of them the video has seen; None where the file says nothing of it.
+        vertices: coordinates of the vertices.
+        triangles: indices of three vertices each.
+        observed: which triangles the video has seen; None where the file does not say.
     """
 
     vertices: Float[np.ndarray, "n 3"]
@@ -45,15 +45,15 @@ class CoverageMesh:
 
 @dataclass
 class _Lines:
-    """What stands in a file, line by line, without its numbers being read yet."""
+    """Lines of a file by kind, their numbers not parsed yet."""
 
     vertices: list[bytes] = field(default_factory=list)
     textures: list[bytes] = field(default_factory=list)
     faces: list[bytes] = field(default_factory=list)
     before: list[int] = field(default_factory=list)
-    """Of each face, how many vertices stand above it."""
+    """For each face, the number of vertices above it."""
     materials: list[int] = field(default_factory=list)
-    """Of each face, what its material says: observed, missed, or 0."""
+    """For each face, its state by its material: observed, missed, or 0."""
 
 
 def read_coverage_mesh(path: Path) -> CoverageMesh:
@@ -84,7 +84,7 @@ def read_coverage_mesh(path: Path) -> CoverageMesh:
 
 
 def write_coverage_mesh(path: Path, mesh: CoverageMesh) -> None:
-    """Write the mesh as C3VD's renderer does; one that says nothing of coverage counts as observed."""
+    """Write the mesh as C3VD's renderer does; without coverage, all of it is written as observed."""
     labels = np.ones(len(mesh.triangles), int)
     if mesh.observed is not None:
         labels = np.where(mesh.observed, OBSERVED, MISSED)
@@ -96,7 +96,7 @@ def write_coverage_mesh(path: Path, mesh: CoverageMesh) -> None:
 
 
 def _read(file: IO[bytes]) -> _Lines:
-    """Sort lines by what they are: no number is read, so that a million take a second."""
+    """Sort lines by kind; numbers are parsed later, so that a million lines take a second."""
     lines, material = _Lines(), 0
     for line in file:
         key, _, rest = line.strip().partition(b" ")
@@ -114,7 +114,7 @@ def _read(file: IO[bytes]) -> _Lines:
 
 
 def _table(rows: Sequence[bytes], columns: int, key: str) -> np.ndarray:
-    """Numbers of lines, of which each may hold more than is asked for."""
+    """Numbers of lines (n, columns); further numbers of a line are dropped."""
     width = len(rows[0].split()) if rows else columns
     values = _numbers(rows)
     if width < columns or values.size != width * len(rows):
@@ -146,7 +146,7 @@ def _corners(lines: _Lines) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
 
 
 def _labels(path: Path, lines: _Lines, textures: np.ndarray | None, sides: np.ndarray) -> np.ndarray | None:
-    """Of each face, whether it is observed or missed; None where nothing says so.
+    """For each face, whether it is observed or missed; None where the file does not say.
 
     Raises:
         DataError: texture indices are others than C3VD's.
@@ -154,8 +154,8 @@ def _labels(path: Path, lines: _Lines, textures: np.ndarray | None, sides: np.nd
     if textures is None:
         materials = np.array(lines.materials)
         return materials if (materials > 0).all() else None
-    found = textures[np.cumsum(sides) - sides]
-    strange = (textures != np.repeat(found, sides)) | ~np.isin(textures, (OBSERVED, MISSED))
+    labels = textures[np.cumsum(sides) - sides]
+    strange = (textures != np.repeat(labels, sides)) | ~np.isin(textures, (OBSERVED, MISSED))
     if strange.any():
         face = int(np.repeat(np.arange(len(sides)), sides)[strange.argmax()])
         raise DataError(
@@ -169,7 +169,7 @@ def _labels(path: Path, lines: _Lines, textures: np.ndarray | None, sides: np.nd
             f"{path}: expected two texture coordinates, vt 0 0 (observed) and vt 1 1 (missed), got "
             f"{len(coordinates)} that begin with {coordinates[:2]}"
         )
-    return found
+    return labels
 
 
 def _fans(corners: np.ndarray, sides: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,4 +1,4 @@
-"""Where the files of a data set are: its videos, their folders, and the files of each frame."""
+"""Index of a data set: its videos, their folders, and the files of each frame."""
 
 from abc import ABC
 from collections.abc import Iterable, Mapping, Sequence
@@ -14,20 +14,20 @@ from col3d.geometry import Camera
 
 
 class DatasetIndex(ABC):
-    """Finds videos and the files of their frames, and decodes none.
+    """Finds videos and the files of their frames, without decoding them.
 
     Attributes:
         root: folder of the folders of videos.
         camera: lens and size of the stored frames.
-        normals: `stored` where files of them are needed.
-        frames: that were chosen already; none is chosen twice.
-        notes: by the folder of a video, how its files were paired where their numbers alone did not say.
+        normals: `stored` where files of normals are needed.
+        frames: frames that were chosen already; none is chosen twice.
+        notes: by the folder of a video, how its files were paired, where not simply by number.
     """
 
     kinds: Mapping[str, Kind]
-    """`color`, `depth`, and those of `normals`, `occlusion` and `flow` that the data set has."""
+    """Kinds of files: `color`, `depth`, and of `normals`, `occlusion` and `flow` those that exist."""
     example: ClassVar[str]
-    """Two files that a frame needs, as a reader would write them."""
+    """Names of two files that a frame needs, for messages."""
     root: Path
     camera: Camera
     normals: str
@@ -47,7 +47,7 @@ class DatasetIndex(ABC):
 
     @cached_property
     def folders(self) -> dict[str, Path]:
-        """The folder of each video by its name, as they lay there when they were first asked for.
+        """The folder of each video by its name, as found at the first use.
 
         Raises:
             DataError: there is no such root.
@@ -55,36 +55,36 @@ class DatasetIndex(ABC):
         return self.video_folders(self.root)
 
     def needed(self, video: str = "") -> list[str]:
-        """Kinds of files that are read; of a video that is known to have no truth, those that it has."""
+        """Kinds of files that are read; for a video without truth, those that it has."""
         return ["color", "depth", *(["normals"] if self.normals == "stored" else [])]
 
     def refusal(self, video: str) -> str:
-        """Why a video cannot be scored or trained on, whatever its files are; nothing of any other."""
+        """Reason why a video cannot be scored or trained on, whatever its files are; empty for any other."""
         return ""
 
     def unreachable(self, video: str) -> str:
-        """Why a video that lies there is not found; nothing of any other."""
+        """Reason why an existing video is not found; empty for any other."""
         return ""
 
     def without_frames(self) -> str:
-        """What is said where no folder has any frame."""
+        """Message for a data set none of whose folders has any frame."""
         reasons = (self.why_none(folder) for folder in self.folders.values())
         reason = next((f"; {why}" for why in reasons if why), "")
         return f"no frames {self.example} in any folder{reason}"
 
     def why_none(self, folder: Path) -> str:
-        """Why a folder without images is so, where other files in it tell; else nothing."""
+        """Reason why a folder has no images, where other files in it show it; else empty."""
         return ""
 
     def renamed(self) -> dict[str, str]:
-        """Videos that lie in folders of other names: the name here -> the name of the folder."""
+        """Videos in folders of other names: name here -> name of the folder."""
         return {video: folder.name for video, folder in self.folders.items() if video != folder.name}
 
     def find(self, entry: str) -> list[Frame]:
         """The frames of an entry of a split, with the files that are needed.
 
         Raises:
-            DataError: there is no such video, it cannot serve, a frame lacks a file, or was chosen before.
+            DataError: there is no such video, it cannot be used, a frame lacks a file, or was chosen before.
         """
         selection = parse_selection(entry, list(self.folders))
         if reason := self.refusal(selection.video):
@@ -95,8 +95,8 @@ class DatasetIndex(ABC):
                 f"{self.root / selection.video}: no such video; copy it there or leave it out of data.split"
             )
         needed = self.needed(selection.video)
-        found = self.files(folder, needed)
-        frames = choose_frames(folder, selection, self.kinds, found, self.example)
+        files = self.files(folder, needed)
+        frames = choose_frames(folder, selection, self.kinds, files, self.example)
         if twice := {frame.number for frame in frames} & self._numbers(selection.video):
             raise DataError(
                 f"split entry {entry!r}: frame {min(twice)} of {selection.video} is chosen already"
@@ -109,9 +109,9 @@ class DatasetIndex(ABC):
         """Files of a video by kind and frame number.
 
         Args:
-            folder: of the video.
-            kinds: that are looked for.
-            twice: is told of a second file of one number.
+            folder: folder of the video.
+            kinds: kinds of files to find.
+            twice: called for a second file of one number.
 
         Raises:
             DataError: two files have the same number, unless `twice` takes it.
@@ -131,7 +131,7 @@ class DatasetIndex(ABC):
         """Refuse a file of a kind by its header.
 
         Raises:
-            DataError: names the file, the rule and what came.
+            DataError: names the file, the rule and what was found.
         """
         check_header(path, self.camera.size_hw, self.kinds[kind].channels, self.kinds[kind].bits)
 
@@ -145,13 +145,13 @@ def named(folders: Iterable[Path]) -> dict[str, Path]:
     Raises:
         DataError: a name is not UTF-8, so that no file of results could hold it.
     """
-    found = {folder.name: folder for folder in folders}
-    for name in found:
+    by_name = {folder.name: folder for folder in folders}
+    for name in by_name:
         try:
             name.encode()
         except UnicodeEncodeError:
             raise DataError(f"{name!r}: the name of this folder is not UTF-8; rename it") from None
-    return found
+    return by_name
 
 
 def check_root(root: Path) -> None:

@@ -1,4 +1,4 @@
-"""Optical flow in files of C3VD's renderer."""
+"""Decode optical flow in files of C3VD's renderer."""
 
 import numpy as np
 from jaxtyping import Bool, Float32, UInt16
@@ -8,13 +8,13 @@ from col3d.data.datasets.release import (
 )
 
 MAX_FLOW = 20.0
-"""Motion in pixels of the highest code, likewise."""
+"""Motion in pixels of the highest code."""
 
 
 def decoded_flow(
     codes: UInt16[np.ndarray, "h w 3"],
 ) -> tuple[Float32[np.ndarray, "h w 2"], Bool[np.ndarray, "h w"]]:
-    """Motion in pixels by its codes, and where it is known: not where a code is 0 or the highest.
+    """Decode motion in pixels, and where it is known: where no code is 0 or the highest.
 
     Code 0 stands for a point that the frame before does not show; motion beyond 20 pixels is clamped to
     either end.

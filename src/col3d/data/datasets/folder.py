@@ -1,4 +1,4 @@
-"""Your own frames: images with depth in a unit that you describe, and a file that describes the camera."""
+"""Frames of your own: images with depth in a unit that you describe, and a file for the camera."""
 
 from collections.abc import Iterator, Sequence
 from functools import cached_property
@@ -21,11 +21,11 @@ from col3d.geometry.camera_file import read_camera
 DEEPEST = 3
 """Levels below the root at which a video may lie."""
 SHORT = 2
-"""Bytes of numbers that a float of 32 bits holds exactly."""
+"""Size in bytes up to which a float of 32 bits holds integers exactly."""
 
 
 def too_deep(root: Path, video: str) -> str:
-    """Why the folder of a video is not found though it is there; nothing of any other."""
+    """Reason why an existing folder of a video is not found: its depth; empty for any other."""
     levels = video.strip("/").count("/") + 1
     if levels <= DEEPEST or not (root / video).is_dir():
         return ""
@@ -48,7 +48,7 @@ class FolderFrames(FrameSet):
         max_depth: millimetres; what lies beyond does not count.
         camera_file: in the root; `docs/cameras.md` lists what is read. What it does not see does not count.
         normals: `derived` from the depth, or `none`.
-        depth_channel: of a depth file whose channels differ, the one that is depth, counted from 0.
+        depth_channel: channel that is depth, counted from 0, in depth files whose channels differ.
         depth_offset: number of a depth minus that of its image; None for 0, or for 1 and -1 where files tell.
         stamp_tolerance: seconds by which the time stamps of an image and its depth may differ.
     """
@@ -91,7 +91,7 @@ class FolderFrames(FrameSet):
         """The frames of an entry of a split.
 
         Raises:
-            DataError: as of any data set, and where the folder's images have other names or lie elsewhere.
+            DataError: as for any data set, and where the folder's images have other names or lie elsewhere.
         """
         video = selection_of_any_video(entry, list(self.folders)).video
         if (reason := too_deep(self.root, video)) and video not in self.folders:
@@ -102,11 +102,11 @@ class FolderFrames(FrameSet):
         return super().find(entry)
 
     def unreachable(self, video: str) -> str:
-        """Why a video that lies there is not found: it lies too deep."""
+        """Reason why an existing video is not found: it lies too deep."""
         return too_deep(self.root, video)
 
     def why_none(self, folder: Path) -> str:
-        """Why a folder without images is so, where other files or folders tell; else nothing."""
+        """Reason why a folder has no images, where other files or folders show it; else empty."""
         name = Path(self.kinds["color"].name)
         place = folder / name.parent
         others = sorted(path.name for path in place.glob(f"*{name.suffix}")) if place.is_dir() else []
@@ -124,11 +124,11 @@ class FolderFrames(FrameSet):
         return ""
 
     def renamed(self) -> dict[str, str]:
-        """None: a video is called by where it lies."""
+        """Nothing: a video is named by the path of its folder."""
         return {}
 
     def _videos(self, folder: Path, levels: int) -> Iterator[Path]:
-        """Folders with images in them; of those without any all the way down, the topmost."""
+        """Folders that hold images; of branches without any image, the topmost folder."""
         folders = (path for path in folder.iterdir() if path.is_dir() and not path.name.startswith("."))
         for path in named(sorted(folders)).values():
             inside = [] if self._has_images(path) or levels == 1 else [*self._videos(path, levels - 1)]
@@ -153,20 +153,20 @@ class FolderFrames(FrameSet):
         paired = pair(folder, images, depths, self.depth_offset, self.stamp_tolerance, twice)
         if paired.note:
             self.notes[folder] = paired.note
-        found = {"color": paired.images, "depth": paired.depths}
-        return {kind: found[kind] for kind in kinds}
+        by_kind = {"color": paired.images, "depth": paired.depths}
+        return {kind: by_kind[kind] for kind in kinds}
 
     def decoding(self) -> dict[str, Any]:
-        """Options that decide what codes in files mean."""
+        """Options that decide the meaning of codes in files."""
         names = {name: kind.name for name, kind in self.kinds.items()}
         channel = {} if self.depth_channel is None else {"depth_channel": self.depth_channel}
         return {**names, "depth_unit": self.depth_unit, **channel}
 
     def check_file(self, kind: str, path: Path) -> None:
-        """Refuse a file by its header; the first depth of several channels in a folder is read too.
+        """Refuse a file by its header; the first depth file of several channels in a folder is also read.
 
         Raises:
-            DataError: names the file, the rule and what came.
+            DataError: names the file, the rule and what was found.
         """
         if kind != "depth":
             return super().check_file(kind, path)
@@ -185,13 +185,13 @@ class FolderFrames(FrameSet):
         return read_depth_file(path, self.camera.size_hw, self.depth_channel)
 
     def field_of_view(self) -> Bool[Tensor, "1 h w"] | None:
-        """Pixels with a ray less than 90 degrees from the axis; None where all have."""
+        """Pixels with a ray less than 90 degrees from the axis; None where all have one."""
         return self.view
 
     def decoded_depth(self, codes: Shaped[np.ndarray, "h w"]) -> Depth:
-        """Depth by its codes, of all pixels or of some, as they are stored."""
+        """Decode depth, of all pixels or of some."""
         wide = codes.dtype.itemsize > SHORT and codes.dtype != np.float32
-        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite, does not count
+        with np.errstate(over="ignore", invalid="ignore"):  # values that are not finite do not count
             exact = codes.astype(np.float64) if wide else codes.astype(np.float32)
             mm = (exact * np.float32(self.depth_unit)).astype(np.float32, copy=False)
         return Depth(mm, np.isfinite(mm) & (mm > 0) & (mm <= self.max_depth))

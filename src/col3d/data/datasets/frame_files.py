@@ -1,4 +1,4 @@
-"""Files of a video by kind and number, and the frames that they make up."""
+"""Find the files of a video by kind and number, and combine them into frames."""
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -10,14 +10,14 @@ from col3d.data.splits import Selection, check_end
 from col3d.errors import DataError
 
 Twice = Callable[[int, str], None]
-"""Is told the number that a second file has too, and what is wrong."""
+"""Called with a number that two files have, and a description of the fault."""
 
 
 def refuse_twice(number: int, fault: str) -> None:
-    """Takes no frame that is there twice.
+    """Refuse a frame that exists twice.
 
     Raises:
-        DataError: the fault.
+        DataError: describes the fault.
     """
     raise DataError(fault)
 
@@ -28,9 +28,9 @@ class Kind:
 
     Attributes:
         name: path in the video's folder, with {} for the number of the frame.
-        channels: of its pixels; None where any number will do.
-        bits: of each channel; None likewise.
-        others: paths by which it may go instead, in another layout.
+        channels: number of channels; None for any number.
+        bits: bits of each channel; None for any number.
+        others: alternative paths, in other layouts.
     """
 
     name: str
@@ -40,21 +40,21 @@ class Kind:
 
     def named(self, number: int | str, folder: Path | None = None) -> str:
         """The path for a frame, its number padded to four digits; in the layout of a folder, if given."""
-        there = (name for name in self.others if folder is not None and (folder / name).parent.is_dir())
+        matching = (name for name in self.others if folder is not None and (folder / name).parent.is_dir())
         number = number if isinstance(number, str) else f"{number:04d}"
-        return next(there, self.name).format(number)
+        return next(matching, self.name).format(number)
 
     def at(self, folder: Path, number: int) -> Path | None:
-        """The file of a frame by its padded number, in any layout; None where there is none."""
+        """The file of a frame by its padded number, in any layout; None where it does not exist."""
         paths = (folder / name.format(f"{number:04d}") for name in (self.name, *self.others))
         return next((path for path in paths if path.is_file()), None)
 
     def find(self, folder: Path, twice: Twice = refuse_twice) -> dict[int, Path]:
-        """Files by frame number, in any layout, whether the number in their name is padded or not.
+        """Find files by frame number, in any layout, the number in the name padded or not.
 
         Args:
-            folder: of the video.
-            twice: is told the number that a second file has too, and what is wrong; the first file stays.
+            folder: folder of the video.
+            twice: called with a number that two files have and the fault; the first file is kept.
 
         Raises:
             DataError: two files have the same number, unless `twice` takes it.
@@ -64,12 +64,12 @@ class Kind:
 
 
 def labelled(folder: Path, name: str, label: str = r"\d+") -> Iterator[tuple[Path, str]]:
-    """Files of a name with {} for a label, each with its label as it is written.
+    """Find files of a name with {} for a label; yields each with its label as it is written.
 
     Args:
-        folder: of the video.
-        name: path in it.
-        label: pattern of what stands for {}.
+        folder: folder of the video.
+        name: path in the folder.
+        label: regular expression of the label.
     """
     place = folder / Path(name).parent
     before, after = (re.escape(part) for part in Path(name).name.split("{}"))
@@ -80,19 +80,19 @@ def labelled(folder: Path, name: str, label: str = r"\d+") -> Iterator[tuple[Pat
 
 
 def by_number(folder: Path, files: Iterable[tuple[Path, str]], twice: Twice) -> dict[int, Path]:
-    """Files by the number that their label is, the first of each number; `twice` is told of others."""
-    found: dict[int, Path] = {}
+    """Files by number, the first of each number; `twice` is called for the others."""
+    files_by_number: dict[int, Path] = {}
     for path, label in files:
-        first = found.setdefault(int(label), path)
+        first = files_by_number.setdefault(int(label), path)
         if first != path:
             named = first.relative_to(folder).as_posix()
             twice(int(label), f"{path}: the same frame as {named}; keep one of them")
-    return found
+    return files_by_number
 
 
 @dataclass(frozen=True)
 class Frame:
-    """Where the files of one frame lie, by kind."""
+    """Paths of the files of one frame, by kind."""
 
     video: str
     number: int
@@ -103,31 +103,31 @@ def choose_frames(
     folder: Path,
     selection: Selection,
     kinds: Mapping[str, Kind],
-    found: Mapping[str, Mapping[int, Path]],
+    files: Mapping[str, Mapping[int, Path]],
     example: str,
 ) -> list[Frame]:
-    """Frames of a video by number, each with its files of all kinds that were looked for.
+    """Frames of a video by number, each with its files of all kinds that were searched for.
 
     Args:
-        folder: of the video.
-        selection: which frames.
-        kinds: of files, for messages.
-        found: by kind and number; `color` among them.
+        folder: folder of the video.
+        selection: frames to choose.
+        kinds: kinds of files, for messages.
+        files: files by kind and number, with `color`.
         example: two files that a frame needs.
 
     Raises:
         DataError: there is no frame, a frame lacks a file, or the range goes beyond the end of the video.
     """
-    there = found["color"].keys() | found.get("depth", {}).keys()
-    if there:
-        check_end(selection, max(*there, (frames_of(selection.video) or 0) - 1))
-    chosen = sorted(number for number in there if number in selection)
+    numbers = files["color"].keys() | files.get("depth", {}).keys()
+    if numbers:
+        check_end(selection, max(*numbers, (frames_of(selection.video) or 0) - 1))
+    chosen = sorted(number for number in numbers if number in selection)
     if not chosen:
         raise DataError(f"{folder}: no frames {example} for {selection} in it")
-    for kind in found:
+    for kind in files:
         for number in chosen:
-            if number not in found[kind]:
+            if number not in files[kind]:
                 hint = "; data.normals=derived computes them from the depth" if kind == "normals" else ""
                 name = kinds[kind].named(number, folder)
                 raise DataError(f"{folder}: frame {number} has no {name}{hint}")
-    return [Frame(selection.video, n, {kind: found[kind][n] for kind in found}) for n in chosen]
+    return [Frame(selection.video, n, {kind: files[kind][n] for kind in files}) for n in chosen]

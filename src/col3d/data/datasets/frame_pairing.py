@@ -1,4 +1,4 @@
-"""Images and depth of a folder, paired by number, by numbers that begin elsewhere, or by time stamp."""
+"""Pair images and depth of a folder by number, by shifted number, or by time stamp."""
 
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
@@ -12,9 +12,9 @@ from col3d.errors import DataError
 SECONDS_DIGITS = 10
 """Digits of a time stamp in whole seconds since 1970; longer ones count milli-, micro- or nanoseconds."""
 FIRST_NUMBERS = {0, 1}
-"""Where two numberings that differ by one may begin."""
+"""First numbers of two numberings that differ by one."""
 LABEL = r"\d+(?:\.\d+)?"
-"""Of a file: a number or a time stamp."""
+"""Pattern of the label of a file: a number or a time stamp."""
 IN_ORDER = "{}: frames are numbered in the order of their time stamps"
 Labels = Mapping[str, Path]
 
@@ -24,9 +24,9 @@ class Paired:
     """Files by the number of their frame.
 
     Attributes:
-        images: of each frame.
-        depths: of each frame.
-        note: how they were paired, where their numbers alone did not say; else empty.
+        images: image of each frame.
+        depths: depth of each frame.
+        note: how they were paired, where not simply by number; else empty.
     """
 
     images: dict[int, Path]
@@ -40,12 +40,12 @@ def pair(
     """Pair images with depth.
 
     Args:
-        folder: of the video, for messages.
-        images: by number or time stamp, as written.
-        depths: likewise.
+        folder: folder of the video, for messages.
+        images: images by number or time stamp, as written.
+        depths: depth files likewise.
         offset: number of a depth minus that of its image; None for 0, or where one begins at 0, one at 1.
         tolerance: seconds by which two time stamps of a frame may differ.
-        twice: is told of a second file of one number.
+        twice: called for a second file of one number.
 
     Raises:
         DataError: the numbers begin at different places, or no time stamps belong together.
@@ -88,7 +88,7 @@ def _shift(folder: Path, images: Mapping[int, Path], depths: Mapping[int, Path])
 
 
 def _by_stamp(folder: Path, images: Labels, depths: Labels, tolerance: float) -> Paired:
-    """The nearest pairs first, each file in one at most; frames are numbered in the order of images."""
+    """Pair the nearest first, each file at most once; frames are numbered in the order of images."""
     (seen, known), scale = (sorted(files, key=Decimal) for files in (images, depths)), _per_second(images)
     times = [Decimal(label) for label in known]
     near: list[tuple[Decimal, int, int]] = []

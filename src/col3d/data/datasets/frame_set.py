@@ -1,4 +1,4 @@
-"""What all data sets share: frames decoded to standard units."""
+"""Base of all data sets: frames decoded to standard units."""
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
@@ -20,11 +20,11 @@ from col3d.geometry import Camera, normals_from_depth
 
 NORMALS = ("stored", "derived", "none")
 Take = Callable[[np.ndarray], np.ndarray]
-"""Chooses pixels of an array (h, w) or (h, w, c)."""
+"""Function that selects pixels of an array (h, w) or (h, w, c)."""
 
 
 def everywhere(values: np.ndarray) -> np.ndarray:
-    """Takes all pixels."""
+    """Take all pixels."""
     return values
 
 
@@ -33,8 +33,8 @@ class Depth:
     """Depth of one frame.
 
     Attributes:
-        mm: millimetres along the optical axis; of no meaning where it is not known.
-        known: where its code counts, outside the field of view too.
+        mm: millimetres along the optical axis; meaningless where it is not known.
+        known: where its code counts, also outside the field of view.
     """
 
     mm: Float32[np.ndarray, "h w"]
@@ -53,18 +53,18 @@ class FrameSet(DatasetIndex, Dataset[dict[str, Any]]):
         normals: `stored` reads them, `derived` computes them from the depth, `none` leaves them out.
 
     Attributes:
-        frames: of the chosen videos.
-        notes: by the folder of a video, how its files were paired where their numbers alone did not say.
+        frames: frames of the chosen videos.
+        notes: by the folder of a video, how its files were paired, where not simply by number.
 
     Raises:
-        DataError: names the file or video, the rule and what came.
+        DataError: names the file or video, the rule and what was found.
         ValueError: unknown `normals`, or `stored` where the data set has none.
     """
 
     max_depth: float
     """Millimetres: the largest depth that counts."""
     releases: dict[str, str]
-    """By video, which release of the data set its files follow."""
+    """Release of the data set that a video's files follow, by video."""
     dense_truth: ClassVar[bool] = False
     """Whether depth is known all over the field of view: what is unknown is then its border; see `Resize`."""
 
@@ -83,7 +83,7 @@ class FrameSet(DatasetIndex, Dataset[dict[str, Any]]):
             self.frames += frames
 
     def decoding(self) -> dict[str, Any] | None:
-        """Options that decide what codes in files mean, where users choose them; None for all of its own."""
+        """Options that decide the meaning of codes, where users choose them; None for all own options."""
         return None
 
     @property
@@ -105,19 +105,19 @@ class FrameSet(DatasetIndex, Dataset[dict[str, Any]]):
         }
 
     def image(self, index: int) -> np.ndarray:
-        """RGB (h, w, 3) in 8 bits."""
+        """Image as RGB (h, w, 3) in 8 bits."""
         path, exact = self.frames[index].files["color"], self.kinds["color"].bits is not None
         size_hw = self.camera.size_hw
         return read_rgb(path, size_hw, np.uint8) if exact else read_colour(path, size_hw)
 
     def truth(self, index: int, take: Take = everywhere) -> dict[str, Tensor]:
-        """Depth (1, h, w) in mm, mask (1, h, w) and normals (3, h, w) where they are asked for.
+        """Depth (1, h, w) in mm, mask (1, h, w), and normals (3, h, w) unless they are left out.
 
         The mask is that of depth; normals that are not known are the zero vector.
 
         Args:
-            index: of the frame.
-            take: which pixels; what is not taken need not be decoded.
+            index: index of the frame.
+            take: selects pixels; others need not be decoded.
         """
         frame = self.frames[index]
         if self.normals == "derived":
@@ -144,7 +144,7 @@ class FrameSet(DatasetIndex, Dataset[dict[str, Any]]):
         return torch.where(mask, torch.from_numpy(depth.mm)[None], 0.0), mask
 
     def stored_depth(self, frame: Frame, take: Take = everywhere) -> Depth:
-        """Depth of a frame as its file says, whatever the field of view."""
+        """Depth of a frame as its file has it, whatever the field of view."""
         return self.decoded_depth(take(self.depth_codes(frame.files["depth"])))
 
     def depth_codes(self, path: Path) -> Shaped[np.ndarray, "h w"]:
@@ -157,14 +157,14 @@ class FrameSet(DatasetIndex, Dataset[dict[str, Any]]):
 
     @abstractmethod
     def decoded_depth(self, codes: Shaped[np.ndarray, "h w"]) -> Depth:
-        """Depth by its codes, of all pixels or of some, as they are stored."""
+        """Decode depth, of all pixels or of some."""
 
     def field_of_view(self) -> Bool[Tensor, "1 h w"] | None:
-        """Where the endoscope shows anything; None where it does everywhere."""
+        """Pixels at which the endoscope shows anything; None where it does everywhere."""
         return None
 
     def without_steps(self, depth: Tensor) -> Tensor:
-        """Depth (1, h, w) to derive normals from; data sets that store it coarsely smooth its steps away."""
+        """Smooth depth (1, h, w) to derive normals from, for data sets that store it in coarse steps."""
         return depth
 
     def stored_normals(self, frame: Frame, take: Take) -> Tensor:

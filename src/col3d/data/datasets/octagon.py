@@ -1,4 +1,4 @@
-"""The octagon that the endoscope shows of its image circle."""
+"""The octagonal field of view of C3VD's endoscope."""
 
 from functools import lru_cache
 
@@ -14,7 +14,7 @@ REACH = 906.35
 
 @lru_cache(maxsize=8)
 def octagon_mask(size_hw: tuple[int, int] = SIZE_HW) -> Bool[Tensor, "1 h w"]:
-    """True inside the octagon that all of C3VD's frames have, for an image of this size; only to read.
+    """True inside the octagon that all of C3VD's frames have, at this size; cached, so do not write to it.
 
     Four straight cuts at the corners, |u - 674.8| + 0.8045 |v - 539.9| <= 906.35 in pixels of the
     1350 x 1080 frame, fitted to the frames of the data set.

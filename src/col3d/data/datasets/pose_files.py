@@ -1,4 +1,4 @@
-"""pose.txt: a line of 16 numbers a frame, whatever program wrote the text."""
+"""Read pose.txt: 16 numbers a line, one line a frame, in text of any program."""
 
 import codecs
 import re
@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
-"""What Windows begins a redirected text with."""
+"""Byte order marks with which Windows begins a redirected text."""
 SEPARATOR = re.compile(r"\s*[,;]\s*|\s+")
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 WANTED = 16
@@ -17,11 +17,11 @@ OTHER_FORMS: Mapping[int, str] = {
     12: "append 0,0,0,1 to lines of 12",
     17: "leave out the number or time before each matrix",
 }
-"""By how many numbers a line has: what makes it one of 16."""
+"""Count of numbers in a line -> how to make it a line of 16."""
 
 
 def pose_lines(path: Path) -> list[str]:
-    """Lines of the file, without a mark of the encoding and without empty ones at the end.
+    """Lines of the file, without a byte order mark and without empty ones at the end.
 
     Raises:
         OSError: it cannot be read.
@@ -36,10 +36,10 @@ def pose_lines(path: Path) -> list[str]:
 
 
 def numbers_of(line: str) -> list[float]:
-    """Numbers that commas, semicolons, spaces or tabs separate.
+    """Parse numbers that are separated by commas, semicolons, spaces or tabs.
 
     Raises:
-        ValueError: something else stands there, or nothing.
+        ValueError: the line is empty or holds something else.
 
     >>> numbers_of("1.0, -2e-3;3 4")
     [1.0, -0.002, 3.0, 4.0]
@@ -59,7 +59,7 @@ def pose_rows(path: Path) -> list[list[float]]:
 
     Raises:
         OSError: the file cannot be read.
-        ValueError: names the first line that is not so, and what to do.
+        ValueError: names the first line that is not, and the remedy.
     """
     rows = []
     for place, line in enumerate(pose_lines(path), start=1):

@@ -1,4 +1,4 @@
-"""What the matrices of a pose file may mean, and which meaning the depth of neighbouring frames bears out."""
+"""Interpretations of the matrices of a pose file, and the one that fits depth of neighbouring frames."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -23,13 +23,13 @@ AXES: Mapping[str, tuple[float, float, float]] = {
 UNITS: Mapping[str, float] = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 """Millimetres of one unit of a translation."""
 GAPS, PLACES = (1, 2, 4, 8, 16, 32), 2
-"""Frames between two that are compared, and at how many places of the video."""
+"""Distances between two frames that are compared, and number of places in the video."""
 BETTER, NOISE = 3.0, 0.01
-"""How many times nearer, and by how many mm beyond that, another reading has to come to be the right one."""
+"""Factor, and mm beyond it, by which another reading has to fit better to be the right one."""
 ALIKE = 1.1
 """Readings within this factor of the best one are as good; the one that changes least is taken."""
 IDLE = 0.7
-"""Share of what stays apart without any motion, above which poses explain nothing."""
+"""Share of the error without any motion above which poses explain nothing."""
 AUTO = "auto"
 
 Poses = Float64[np.ndarray, "n 4 4"]
@@ -37,12 +37,12 @@ Poses = Float64[np.ndarray, "n 4 4"]
 
 @dataclass(frozen=True)
 class PoseReading:
-    """What a matrix means.
+    """Interpretation of a pose's matrix.
 
     Attributes:
-        direction: whose axes it takes to whose; see `DIRECTIONS`.
-        axes: of the camera; see `AXES`.
-        unit: of its translation; see `UNITS`.
+        direction: `camera_to_world` or `world_to_camera`.
+        axes: convention of the camera's axes; see `AXES`.
+        unit: unit of its translation; see `UNITS`.
         first: number of the frame that the first matrix belongs to.
     """
 
@@ -52,9 +52,9 @@ class PoseReading:
     first: int = 0
 
     @classmethod
-    def of(cls, asked: Mapping[str, str | int]) -> "PoseReading":
+    def of(cls, options: Mapping[str, str | int]) -> "PoseReading":
         """From the value of each field, where `auto` stands for C3VD's."""
-        return cls(**{name: value for name, value in asked.items() if value != AUTO})  # type: ignore[arg-type]
+        return cls(**{name: value for name, value in options.items() if value != AUTO})  # type: ignore[arg-type]
 
     def camera_to_world(self, stored: Poses) -> Poses:
         """Matrices that take points of the camera (OpenCV axes, mm) to a right-handed world."""
@@ -64,25 +64,25 @@ class PoseReading:
         return signs @ poses @ signs
 
     def of_frame(self, poses: Poses, number: int) -> np.ndarray | None:
-        """The matrix of a frame; None where there is none."""
+        """The matrix of a frame; None where it has none."""
         place = number - self.first
         return poses[place] if 0 <= place < len(poses) else None
 
     def differs(self, other: "PoseReading") -> str:
-        """The options of the other that are not as here, as they are typed."""
+        """Options of another reading that differ from this one, as they are typed."""
         names = [name for name in vars(self) if getattr(self, name) != getattr(other, name)]
         return " ".join(f"poses.{name}={getattr(other, name)}" for name in names)
 
 
 @dataclass(frozen=True)
 class PosesFound:
-    """What depth says of poses.
+    """The reading of poses, and how well depth fits it.
 
     Attributes:
-        reading: that is asked for, or that depth bears out where `auto` leaves it open.
+        reading: the requested reading, or the one that fits depth where `auto` leaves it open.
         apart: median over pairs of frames of the median |z - depth there| in mm; None where no two frames see
             the same.
-        note: what depth has decided, in words; empty where it decided nothing.
+        note: what depth has decided, as text; empty where it decided nothing.
     """
 
     reading: PoseReading
@@ -90,21 +90,21 @@ class PosesFound:
     note: str = ""
 
 
-def find_reading(frames: FrameSet, stored: Poses, asked: Mapping[str, str | int]) -> PosesFound:
-    """Hold each usual reading of poses against depth that it carries between neighbouring frames.
+def find_reading(frames: FrameSet, stored: Poses, options: Mapping[str, str | int]) -> PosesFound:
+    """Find the reading of poses by which depth fits when it is carried between neighbouring frames.
 
     Args:
-        frames: of one video, with depth.
+        frames: frames of one video, with depth.
         stored: the matrices of its pose file.
-        asked: value of each field of a `PoseReading`, or `auto`.
+        options: value of each field of a `PoseReading`, or `auto`.
 
     Raises:
-        DataError: no reading brings the frames together, or only one that was not asked for.
+        DataError: no reading fits, or only one that contradicts the options.
     """
-    given = PoseReading.of(asked)
+    given = PoseReading.of(options)
     nowhere = all(given.of_frame(stored, frame.number) is None for frame in frames.frames)
     start = min(frame.number for frame in frames.frames)
-    usual = replace(given, first=start) if nowhere and asked["first"] == AUTO else given
+    usual = replace(given, first=start) if nowhere and options["first"] == AUTO else given
     readings = sorted(_readings(frames, usual), key=lambda reading: len(usual.differs(reading).split()))
     rows, still = _measured(frames, stored, readings, usual)
     if not rows:
@@ -113,15 +113,15 @@ def find_reading(frames: FrameSet, stored: Poses, asked: Mapping[str, str | int]
     best, unmoved = min(errors.values()), float(np.median(still))
     if not best <= BETTER * unmoved / 2 + NOISE:
         raise DataError(
-            f"{_said(best)} at least, {_mm(unmoved)} if the camera had stood still: no usual reading of "
+            f"{_summary(best)} at least, {_mm(unmoved)} if the camera had stood still: no usual reading of "
             "the poses fits; poses.check=false takes them as they are"
         )
     near = [reading for reading in readings if errors[reading] <= BETTER * best + NOISE]
     right = usual
     if usual not in near:
         right = next(reading for reading in readings if errors[reading] <= ALIKE * best)
-    if any(value not in (AUTO, getattr(right, name)) for name, value in asked.items()):
-        raise DataError(f"{_said(errors[usual])}; {usual.differs(right)} brings it within {_mm(best)}")
+    if any(value not in (AUTO, getattr(right, name)) for name, value in options.items()):
+        raise DataError(f"{_summary(errors[usual])}; {usual.differs(right)} brings it within {_mm(best)}")
     return PosesFound(right, errors[right], _note(given, right, errors, usual, unmoved))
 
 
@@ -132,11 +132,11 @@ def _note(
     usual: PoseReading,
     unmoved: float,
 ) -> str:
-    """What depth has decided, or that it bears nothing out."""
+    """Note on what depth has decided, or that the poses explain nothing."""
     apart = errors[right]
     if apart > IDLE * unmoved + NOISE:
         return (
-            f"{_said(apart)}, {_mm(unmoved)} if the camera had stood still: the poses explain nothing of "
+            f"{_summary(apart)}, {_mm(unmoved)} if the camera had stood still: the poses explain nothing of "
             "what changes, and the surface is as wrong as they are"
         )
     if right == given:
@@ -149,7 +149,7 @@ def _note(
 def _measured(
     frames: FrameSet, stored: Poses, readings: Sequence[PoseReading], usual: PoseReading
 ) -> tuple[list[list[float]], list[float]]:
-    """How far apart each reading leaves pairs of frames, in mm, and how far they are if nothing had moved."""
+    """Error in mm of each reading over pairs of frames, and the error without any motion."""
     meanings = {reading: reading.camera_to_world(stored) for reading in readings}
     posed = [frame for frame in frames.frames if usual.of_frame(stored, frame.number) is not None]
     depths: dict[int, Depth | None] = {}
@@ -171,7 +171,7 @@ def _measured(
     return rows, still
 
 
-def _said(apart: float) -> str:
+def _summary(apart: float) -> str:
     return f"pose.txt: depth carried from frame to frame comes out {_mm(apart)} apart"
 
 
@@ -188,7 +188,7 @@ def _readings(frames: FrameSet, usual: PoseReading) -> Iterator[PoseReading]:
 
 
 def _pairs(frames: Sequence[Frame]) -> Iterator[tuple[Frame, Frame]]:
-    """Frames near to one another and farther apart, at places spread over the video."""
+    """Pairs of frames at several distances, at places spread over the video."""
     for gap in GAPS:
         if gap < len(frames):
             starts = np.linspace(0, len(frames) - 1 - gap, PLACES).round().astype(int)
@@ -201,5 +201,5 @@ def _apart(frames: FrameSet, pair: tuple[Depth, Depth], poses: Sequence[np.ndarr
     one, other = poses
     if one is None or other is None:
         return np.inf
-    found = reproject(*pair, (one, other), frames.camera, to=0).median
-    return found if np.isfinite(found) else np.inf
+    median = reproject(*pair, (one, other), frames.camera, to=0).median
+    return median if np.isfinite(median) else np.inf

@@ -1,4 +1,4 @@
-"""The data sets of this package: those that are a class of their own are registered there."""
+"""Registration of this package's data sets that are not registered with their own class."""
 
 from collections.abc import Sequence
 from pathlib import Path

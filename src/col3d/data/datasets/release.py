@@ -1,4 +1,4 @@
-"""The two releases of C3VD: how each stores normals, and which one a frame follows."""
+"""The two releases of C3VD: how each stores normals and poses, and which one a frame follows."""
 
 from collections.abc import Mapping
 
@@ -17,7 +17,7 @@ FULL_CODE = 65535
 OFF_ORTHONORMAL = 1e-3
 """Largest difference of R R^T from 1 in a pose; C3VD's own are off by 2e-6."""
 BLOCKS = 108
-"""Rows of blocks in which stored normals are held against the depth: wide enough for depth of 8 bits."""
+"""Rows of blocks in which stored normals are compared with the depth: wide enough for depth of 8 bits."""
 AGREEMENT = 25.0
 """Median angle in degrees beyond which stored normals do not belong to the depth."""
 
@@ -39,23 +39,23 @@ def standard_normals(codes: np.ndarray, release: str) -> Float[Tensor, "3 h w"]:
     x, up, z = stored.div_(FULL_CODE).unbind()
     x.mul_(2).sub_(1)
     up.mul_(-2).add_(1)
-    behind = (1 - x.square() - up.square()).clamp_min(0).sqrt()
-    z.copy_(torch.where(z > 0, -z, behind))
+    clipped_z = (1 - x.square() - up.square()).clamp_min(0).sqrt()
+    z.copy_(torch.where(z > 0, -z, clipped_z))
     return unit_in_place(stored.mul_(known))
 
 
 def stored_somewhere(
     red: UInt16[np.ndarray, "h w"], green: UInt16[np.ndarray, "h w"], blue: UInt16[np.ndarray, "h w"]
 ) -> Bool[np.ndarray, "h w"]:
-    """Where a normal is stored: not all of its three codes are 0."""
-    found: np.ndarray = (red | green | blue) > 0  # ten times as fast as `any` over an axis of three
-    return found
+    """Pixels at which a normal is stored: not all of its three codes are 0."""
+    stored: np.ndarray = (red | green | blue) > 0  # ten times as fast as `any` over an axis of three
+    return stored
 
 
 def in_blocks(camera: Camera) -> tuple[int, Camera]:
     """Side of the blocks of pixels over which normals and depth are averaged, and the camera of their means.
 
-    What is left over at the right and the bottom is cut off.
+    Pixels left over at the right and the bottom are cut off.
     """
     block = max(1, camera.size_hw[0] // BLOCKS)
     rows, columns = (side // block for side in camera.size_hw)
@@ -67,17 +67,17 @@ def disagreement(
 ) -> Mapping[str, float]:
     """Median angle in degrees between stored normals and those of the depth, under each release's convention.
 
-    Both are averaged over blocks first: frames are found whose depth has steps of 0.4 mm.
+    Both are averaged over blocks first, for there are frames whose depth has steps of 0.4 mm.
     """
-    block, of_blocks = in_blocks(camera)
+    block, block_camera = in_blocks(camera)
     whole = avg_pool2d(mask[None].float(), block) == 1
-    derived = normals_from_depth(avg_pool2d(depth[None], block), of_blocks.rays(), whole)
-    found = {}
+    derived = normals_from_depth(avg_pool2d(depth[None], block), block_camera.rays(), whole)
+    medians = {}
     for release in RELEASES:
         stored = unit(avg_pool2d(standard_normals(codes, release)[None], block))
         angles = angle_between(stored, derived)[whole & (derived != 0).any(dim=1, keepdim=True)]
-        found[release] = angles.median().item() if angles.numel() else float("nan")
-    return found
+        medians[release] = angles.median().item() if angles.numel() else float("nan")
+    return medians
 
 
 def camera_to_world(rows: Float[np.ndarray, "n 16"]) -> Float[np.ndarray, "n 4 4"]:

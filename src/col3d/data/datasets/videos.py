@@ -1,4 +1,4 @@
-"""The videos of C3VD and C3VDv2: their names of then and now, and what each shows.
+"""The videos of C3VD and C3VDv2: their names, labels, splits and contents.
 
 `videos.csv` holds the summary tables of the data sets' own pages (Johns Hopkins Research Data Repository,
 doi:10.7281/T1/JC64MK), with the labels and the split of the Col3D-MTL paper beside them. A video of C3VD
@@ -16,7 +16,7 @@ from importlib.resources import files
 PRINTED_LABELS = {"t3v1": "t4v1"}
 """Misprints of the paper's table and what they stand for."""
 FRAMES_BEFORE_2023_05 = {"sigmoid_t1_a": 800}
-"""Videos that the earlier release holds with another number of frames."""
+"""Numbers of frames of videos that are longer in the earlier release."""
 REGISTERED = "registered"
 
 
@@ -25,16 +25,16 @@ class Video:
     """One row of the table.
 
     Attributes:
-        name: as this project calls it.
-        released_as: as its data set calls it today.
+        name: its name in this project.
+        released_as: its name in the data set today.
         data: c3vd or c3vdv2.
         kind: registered, with depth and normals of every frame; screening or deformation, without.
-        frames: how many it has.
-        label: in the Col3D-MTL paper; empty of videos that are not in it.
-        split: of the paper that it is in, or empty.
+        frames: number of frames.
+        label: its label in the Col3D-MTL paper; empty for videos that are not in it.
+        split: part of the paper's split that it is in, or empty.
         colon: the phantom it was filmed in.
-        segment: of the colon.
-        texture: painted on it.
+        segment: segment of the colon.
+        texture: texture painted on the phantom.
     """
 
     name: str
@@ -58,11 +58,11 @@ class Video:
 def catalogue() -> Mapping[str, Video]:
     """Every video of C3VD and C3VDv2 by its name here."""
     text = files("col3d.data.datasets").joinpath("videos.csv").read_text(encoding="utf-8")
-    found = {}
+    videos = {}
     for row in csv.DictReader(text.splitlines()):
         name, split, frames = row.pop("video"), row.pop("paper_split"), int(row.pop("frames"))
-        found[name] = Video(name=name, split=split, frames=frames, **row)
-    return found
+        videos[name] = Video(name=name, split=split, frames=frames, **row)
+    return videos
 
 
 @cache
@@ -72,26 +72,26 @@ def video_table() -> Mapping[str, Video]:
 
 
 UNDER_REVIEW = "_under_review"
-"""What names of folders ended in while the data set was."""
+"""Ending of the names of folders while the data set was under review."""
 
 
 @cache
 def other_names() -> Mapping[str, str]:
-    """Names of today and labels of the paper -> the name here."""
-    found = {v.released_as: v.name for v in catalogue().values() if v.released_as != v.name}
+    """Today's names and labels of the paper -> the name here."""
+    names = {v.released_as: v.name for v in catalogue().values() if v.released_as != v.name}
     labels = {v.label: v.name for v in catalogue().values() if v.label}
-    return found | labels | {printed: labels[label] for printed, label in PRINTED_LABELS.items()}
+    return names | labels | {printed: labels[label] for printed, label in PRINTED_LABELS.items()}
 
 
 def canonical_name(name: str) -> str:
-    """The name here of a video, whichever of its names is given; any other name as it is."""
+    """The name here of a video, whichever of its names is given; any other name unchanged."""
     origin, seed = _without_seed(name.removesuffix(UNDER_REVIEW))
-    found = other_names().get(origin, origin)
-    return found + seed if found in catalogue() else name
+    name_here = other_names().get(origin, origin)
+    return name_here + seed if name_here in catalogue() else name
 
 
 def seeded_name(video: str, seed: int) -> tuple[str, int]:
-    """Split `cecum_t1_a_s7`, a phantom's video of a seed of its own, into name and seed; else as given."""
+    """Split a phantom's name with a seed of its own, `cecum_t1_a_s7`, into name and seed; else as given."""
     origin, suffix = _without_seed(video)
     return (origin, int(suffix[2:])) if suffix and origin in video_table() else (video, seed)
 
@@ -103,7 +103,7 @@ def seeded_videos(first: int, last: int) -> list[str]:
 
 
 def described(video: str) -> Video | None:
-    """The row of a video, or of the one that a phantom's is named after."""
+    """The row of a video, or of the one that a phantom's video is named after."""
     return catalogue().get(seeded_name(canonical_name(video), 0)[0])
 
 
@@ -114,7 +114,7 @@ def describe(video: str) -> tuple[str, str]:
 
 
 def frames_of(video: str, release: str = "current") -> int | None:
-    """How many frames a video of the table has; None of any other."""
+    """Number of frames of a video of the table; None for any other."""
     row = catalogue().get(video)
     if row is None:
         return None

@@ -22,7 +22,7 @@ from col3d.data.download.plan import (
     Part,
     check_places,
     check_space,
-    folders_there,
+    existing_folders,
     named_videos,
 )
 from col3d.data.download.team import Team, locked_folder
@@ -37,11 +37,11 @@ LISTED = 40
 
 
 def download(given: Mapping[str, Any]) -> None:
-    """List, fetch, unpack and check videos; exit with 1 where one that is there is not whole.
+    """List, fetch, unpack and check videos; exit with 1 where an existing one is not complete.
 
     Raises:
         UserError: an option breaks a rule, the licence is not accepted, or the disk is too small.
-        DataError: the server does not give a video, or gives another than it says.
+        DataError: the server does not send a video, or its checksum is wrong.
     """
     options = check_options(DownloadOptions, given)
     videos = named_videos(options)
@@ -52,12 +52,12 @@ def download(given: Mapping[str, Any]) -> None:
 
 
 def _download(options: DownloadOptions, videos: Sequence[str]) -> int:
-    """The number of videos that are not whole at the end."""
-    there = folders_there(options)
+    """Fetch and check; returns the number of videos that are not complete."""
+    existing = existing_folders(options)
     stop = Event()
     server = Server(options.server, options.timeout, options.attempts, stop=stop)
     parts: list[Part] = []
-    if missing := [video for video in videos if video not in there]:
+    if missing := [video for video in videos if video not in existing]:
         listing = list_files(server, options.doi)
         root = Path(options.data.root)
         parts = [Part(video, file, root) for video, file in chosen(listing, missing).items()]
@@ -68,8 +68,8 @@ def _download(options: DownloadOptions, videos: Sequence[str]) -> int:
     return _check_all(videos, options)
 
 
-def _print_list(parts: Sequence[Part], listing: Listing, there: int) -> None:
-    """What there is to fetch, how large it is, and under which licence."""
+def _print_list(parts: Sequence[Part], listing: Listing, existing: int) -> None:
+    """Print the videos to fetch, their sizes, and the licence."""
     for part in parts[:LISTED]:
         done = f", {part.done / GB:.2f} GB of it there" if part.done else ""
         frames = frames_of(part.video)
@@ -77,7 +77,7 @@ def _print_list(parts: Sequence[Part], listing: Listing, there: int) -> None:
     if len(parts) > LISTED:
         print(f"... and {len(parts) - LISTED} more")
     total = sum(part.file.size for part in parts)
-    known = f"; {there} are there and stay as they are" if there else ""
+    known = f"; {existing} are there and stay as they are" if existing else ""
     print(f"{len(parts)} videos, {total / GB:.2f} GB{known}")
     print(f"licence: {_licence(listing)}", flush=True)
 
@@ -98,7 +98,7 @@ def _fetch_all(parts: Sequence[Part], options: DownloadOptions, server: Server) 
     """Fetch and unpack, a few videos at a time.
 
     Raises:
-        UserError: some were not to be had, a line for each; the others are there.
+        UserError: some could not be fetched, a line for each; the others are complete.
     """
     root = Path(options.data.root)
     owned = Owned(root, "download", "data.root")
@@ -112,18 +112,18 @@ def _fetch_all(parts: Sequence[Part], options: DownloadOptions, server: Server) 
 
 
 def _unpacked_sizes(parts: Sequence[Part], options: DownloadOptions, server: Server) -> dict[str, int | None]:
-    """Bytes that each video takes, by its name; None where the server does not tell."""
+    """Unpacked bytes of each video, by its name; None where the server does not tell."""
     with ThreadPoolExecutor(options.parallel * 2) as pool:
         try:
             sizes = list(pool.map(lambda part: unpacked_size(server, part.file), parts))
-        except BaseException:  # a signal: those that wait for a thread are to end at once
+        except BaseException:  # a signal: queued requests have to end at once
             server.stop.set()
             raise
     return {part.video: size for part, size in zip(parts, sizes, strict=True)}
 
 
 def _check_all(videos: Sequence[str], options: DownloadOptions) -> int:
-    """Look at headers, lengths and numbers of all files of the videos; how many are not whole."""
+    """Check headers, lengths and numbers of all files of the videos; returns how many are incomplete."""
     faults = 0
     for video in videos:
         try:
@@ -141,10 +141,10 @@ def _check_all(videos: Sequence[str], options: DownloadOptions) -> int:
 
 
 def _checked(video: str, options: DownloadOptions) -> str:
-    """How much there is of a video.
+    """Line on the frames and poses of a video, whose files are checked.
 
     Raises:
-        DataError: a file is missing or broken, or frames are.
+        DataError: a file is missing or broken, or frames are missing.
     """
     row = catalogue()[video]
     kind, root = DATASETS[options.data.name].build, options.data.root

@@ -1,4 +1,4 @@
-"""What a data set on a Dataverse holds.
+"""List the files of a data set on a Dataverse server.
 
 References:
     The Dataverse Project: Native API, "Get JSON Representation of a Dataset"; Data Access API, "Basic File
@@ -18,12 +18,12 @@ from col3d.data.download.server import Server, ServerError
 
 SERVER = "https://archive.data.jhu.edu"
 DOI = "doi:10.7281/T1/JC64MK"
-"""Of C3VD and C3VDv2, whose videos lie side by side."""
+"""DOI of C3VD and C3VDv2, whose videos are in one data set."""
 LICENCE = "CC BY-NC-SA 4.0"
-"""Of both data sets, by their page: attribution, no commercial use, share alike."""
+"""Licence of both data sets, by their page: attribution, no commercial use, share alike."""
 MANY = 10
 HASHES = {"MD5": "md5", "SHA-1": "sha1", "SHA1": "sha1", "SHA-256": "sha256", "SHA-512": "sha512"}
-"""Names of checksums in a Dataverse -> in hashlib."""
+"""Names of checksum algorithms in a Dataverse -> in hashlib."""
 
 
 @dataclass(frozen=True)
@@ -31,9 +31,9 @@ class RemoteFile:
     """A file of the data set.
 
     Attributes:
-        name: of the file, without folders.
-        number: by which the server gives it.
-        size: bytes.
+        name: name of the file, without folders.
+        number: the server's number of the file.
+        size: size in bytes.
         hashed_by: name of its checksum's algorithm in hashlib, or empty.
         checksum: in hexadecimal digits, or empty.
     """
@@ -46,24 +46,24 @@ class RemoteFile:
 
     @property
     def path(self) -> str:
-        """Of a request for it."""
+        """Path of a request for the file."""
         return f"/api/access/datafile/{self.number}"
 
 
 @dataclass(frozen=True)
 class Listing:
-    """Archives of videos by the name here of what is in them, and the licence that the server names."""
+    """Archives of videos by the video's name here, and the licence that the server names."""
 
     archives: Mapping[str, RemoteFile]
     licence: str
 
 
 def list_files(server: Server, doi: str) -> Listing:
-    """Ask a Dataverse for the archives of a data set.
+    """Request the list of a data set's archives from a Dataverse.
 
     Args:
-        server: of the Dataverse.
-        doi: such as `doi:10.7281/T1/JC64MK`.
+        server: server of the Dataverse.
+        doi: the data set's, such as `doi:10.7281/T1/JC64MK`.
 
     Raises:
         ServerError: there is no such data set, or the answer is no list of files.
@@ -81,10 +81,10 @@ def list_files(server: Server, doi: str) -> Listing:
 
 
 def chosen(listing: Listing, videos: Iterable[str]) -> dict[str, RemoteFile]:
-    """The archives of videos, by the names here.
+    """The archives of videos, by their names here.
 
     Raises:
-        ServerError: the server has none of one of them.
+        ServerError: the server has no archive of one of them.
     """
     videos = list(videos)
     if missing := [video for video in videos if video not in listing.archives]:
@@ -95,26 +95,26 @@ def chosen(listing: Listing, videos: Iterable[str]) -> dict[str, RemoteFile]:
 
 
 def _archives(rows: Iterable[Mapping[str, Any]]) -> dict[str, RemoteFile]:
-    found = {}
+    archives = {}
     for row in rows:
         file = row["dataFile"]
         name = PurePosixPath(str(row.get("label") or file["filename"])).name
         video = canonical_name(name.removesuffix(".zip"))
         if name.endswith(".zip") and video in catalogue():
             hashed_by, checksum = _checksum(file)
-            found[video] = RemoteFile(name, int(file["id"]), int(file["filesize"]), hashed_by, checksum)
-    return found
+            archives[video] = RemoteFile(name, int(file["id"]), int(file["filesize"]), hashed_by, checksum)
+    return archives
 
 
 def _checksum(file: Mapping[str, Any]) -> tuple[str, str]:
-    """Algorithm and value; both empty where there is none that is known."""
+    """Algorithm and value of a checksum; both empty where there is none of a known kind."""
     given = file.get("checksum") or {"type": "MD5", "value": file.get("md5")}
     kind, value = HASHES.get(str(given["type"]).upper(), ""), str(given["value"] or "").lower()
     return (kind, value) if kind and re.fullmatch(r"[0-9a-f]{32,128}", value) else ("", "")
 
 
 def _licence(version: Mapping[str, Any]) -> str:
-    """Name of the licence, or empty where the server says none in a word."""
+    """Name of the licence; empty where the server gives none."""
     given = version.get("license")
     name = given.get("name") if isinstance(given, dict) else given
     return str(name or "").strip()[:80]

@@ -1,4 +1,4 @@
-"""Which videos are to be fetched, what is there of them, and whether the disk has room for the rest."""
+"""Plan of a download: the videos to fetch, what exists of them, and the disk space for the rest."""
 
 import shutil
 from collections.abc import Iterable, Mapping, Sequence
@@ -16,17 +16,17 @@ from col3d.io.ownership import Owned
 from col3d.registry import DATASETS
 
 GROWTH = 3
-"""How many times larger than its archive a video is taken to be where the server does not tell."""
+"""Assumed size of a video relative to its archive, where the server does not tell."""
 GB = 1e9
 
 
 @dataclass(frozen=True)
 class Part:
-    """A video that is to be fetched, and where it goes.
+    """A video to fetch, and its paths.
 
     Attributes:
-        video: its name here.
-        file: on the server.
+        video: name of the video here.
+        file: the archive on the server.
         root: folder of the videos.
     """
 
@@ -36,54 +36,54 @@ class Part:
 
     @property
     def archive(self) -> Path:
-        """The zip."""
+        """Path of the zip archive."""
         return self.root / self.file.name
 
     @property
     def folder(self) -> Path:
-        """Of the video, by the name that its data set gives it."""
+        """Folder of the video, by the name in its data set."""
         return self.root / self.file.name.removesuffix(".zip")
 
     @property
     def unpacking(self) -> Path:
-        """Where it is unpacked, hidden from readers of the data set."""
+        """Folder in which it is unpacked, hidden from readers of the data set."""
         return self.root / f".{self.folder.name}{PARTIAL}"
 
     @property
     def names(self) -> tuple[str, str, str]:
-        """What is written into the root on the way."""
+        """Names of what is written into the root on the way."""
         return self.archive.name, self.archive.name + PARTIAL, self.unpacking.name
 
     @property
     def done(self) -> int:
         """Bytes of the archive that are on the disk."""
         partial = self.archive.with_name(self.archive.name + PARTIAL)
-        there = next((path for path in (self.archive, partial) if path.is_file()), None)
-        return min(there.stat().st_size, self.file.size) if there else 0
+        existing = next((path for path in (self.archive, partial) if path.is_file()), None)
+        return min(existing.stat().st_size, self.file.size) if existing else 0
 
 
 def named_videos(options: DownloadOptions) -> list[str]:
-    """Names here of the videos that are asked for, each once.
+    """Names here of the requested videos, each once.
 
     Raises:
         DataError: a name is unknown, or of the other data set.
     """
-    of_data = [video.name for video in catalogue().values() if video.data == options.data.name]
+    names_in_data = [video.name for video in catalogue().values() if video.data == options.data.name]
     if options.videos == "all":
-        return of_data
+        return names_in_data
     split = options.data.split
     entries = [*split.train, *split.val, *split.test] if options.videos == "split" else options.videos
     if not entries:
         raise UserError("videos: data.split names none; give videos=all, or videos=[...] by their names")
-    names = [selection_of_any_video(entry).video for entry in _expanded(entries, of_data)]
+    names = [selection_of_any_video(entry).video for entry in _expanded(entries, names_in_data)]
     for name in names:
         _check(name, options.data.name)
     return list(dict.fromkeys(names))
 
 
-def _expanded(entries: Sequence[str], of_data: Sequence[str]) -> list[str]:
+def _expanded(entries: Sequence[str], names_in_data: Sequence[str]) -> list[str]:
     try:
-        return expand(entries, of_data)
+        return expand(entries, names_in_data)
     except DataError as error:
         raise DataError(str(error).replace("no video of data.root", "no video of the data set")) from None
 
@@ -97,8 +97,8 @@ def _check(name: str, data: str) -> None:
         raise DataError(f"videos: {row.released_as} is a video of {row.data}; take data={row.data}")
 
 
-def folders_there(options: DownloadOptions) -> dict[str, Path]:
-    """Folders of videos in the root that hold anything, by the names here.
+def existing_folders(options: DownloadOptions) -> dict[str, Path]:
+    """Folders of videos in the root that are not empty, by the names here.
 
     Raises:
         UserError: the root is a file.
@@ -108,12 +108,12 @@ def folders_there(options: DownloadOptions) -> dict[str, Path]:
     if root.exists() and not root.is_dir():
         raise UserError(f"data.root: {root} is a file; name a folder")
     kind: Any = DATASETS[options.data.name].build
-    found = kind.video_folders(root) if root.is_dir() else {}
-    return {video: folder for video, folder in found.items() if any(folder.iterdir())}
+    folders = kind.video_folders(root) if root.is_dir() else {}
+    return {video: folder for video, folder in folders.items() if any(folder.iterdir())}
 
 
 def check_places(parts: Iterable[Part], owned: Owned) -> None:
-    """Refuse to write over what is of somebody else; an archive of theirs is read, and has to be whole.
+    """Refuse to overwrite foreign files; a foreign archive is read, and has to be complete.
 
     Raises:
         UserError: names the file.
@@ -121,8 +121,8 @@ def check_places(parts: Iterable[Part], owned: Owned) -> None:
     for part in parts:
         archive, *others = part.names
         owned.check(others)
-        theirs = part.archive.exists() and archive not in owned.names
-        if theirs and (not part.archive.is_file() or part.archive.stat().st_size != part.file.size):
+        foreign = part.archive.exists() and archive not in owned.names
+        if foreign and (not part.archive.is_file() or part.archive.stat().st_size != part.file.size):
             raise UserError(
                 f"data.root: {part.archive} is of no download of this program, and is not the "
                 f"{part.file.size} bytes that the server lists; move it away"
@@ -134,7 +134,7 @@ def check_places(parts: Iterable[Part], owned: Owned) -> None:
 
 
 def check_space(parts: Sequence[Part], sizes: Mapping[str, int | None], options: DownloadOptions) -> str:
-    """Refuse where the disk has no room for archives and what comes out of them; say how much that is.
+    """Refuse where the disk has no room for archives and unpacked videos; returns a line on their size.
 
     Raises:
         UserError: says how much is needed and free.
@@ -147,10 +147,10 @@ def check_space(parts: Sequence[Part], sizes: Mapping[str, int | None], options:
     place = next(path for path in (root.absolute(), *root.absolute().parents) if path.is_dir())
     free, needed = shutil.disk_usage(place).free, archives + unpacked
     about = " or so" if guessed else ""
-    said = f"{sum(left) / GB:.2f} GB to fetch, {unpacked / GB:.2f} GB{about} unpacked"
+    text = f"{sum(left) / GB:.2f} GB to fetch, {unpacked / GB:.2f} GB{about} unpacked"
     if needed > free:
         raise UserError(
-            f"data.root: {said}; that takes {needed / GB:.2f} GB at a time, and {place} has "
+            f"data.root: {text}; that takes {needed / GB:.2f} GB at a time, and {place} has "
             f"{free / GB:.2f} GB free; fetch fewer videos, or name another disk"
         )
-    return f"{said}, {free / GB:.2f} GB free"
+    return f"{text}, {free / GB:.2f} GB free"

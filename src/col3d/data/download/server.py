@@ -1,4 +1,4 @@
-"""Requests to a server that may be slow, busy or away for a while."""
+"""Requests to a server that may be slow, busy or unreachable for a while, with retries."""
 
 import http.client
 import random
@@ -17,7 +17,7 @@ from col3d.errors import DataError
 AGENT = "col3d"
 Result = TypeVar("Result")
 LONGEST_PAUSE = 60.0
-"""Seconds between two attempts."""
+"""Longest time in seconds between two attempts."""
 BUSY = (
     HTTPStatus.REQUEST_TIMEOUT,
     HTTPStatus.TOO_MANY_REQUESTS,
@@ -26,7 +26,7 @@ BUSY = (
     HTTPStatus.SERVICE_UNAVAILABLE,
     HTTPStatus.GATEWAY_TIMEOUT,
 )
-"""Answers that may be another a little later."""
+"""Answers after which a later attempt may succeed."""
 DROPPED = (ConnectionError, TimeoutError, http.client.HTTPException, socket.gaierror)
 HINTS: dict[int, str] = {
     HTTPStatus.FORBIDDEN: "; it may ask for a login or an agreement on its page",
@@ -36,15 +36,15 @@ HINTS: dict[int, str] = {
 
 
 class Interrupted(Exception):  # noqa: N818 - it is no error
-    """The work is to end here; what was fetched stays."""
+    """The work has to end here; what was fetched is kept."""
 
 
 class ServerError(DataError):
-    """A server does not give what it is asked for, and asking again would not help."""
+    """A server refuses a request, and a further attempt would not help."""
 
 
 class BusyError(ServerError):
-    """A server did not answer, or broke off, or says that it is busy."""
+    """A server did not answer, dropped the connection, or is busy."""
 
     def __init__(self, text: str, pause: float | None = None) -> None:
         super().__init__(text)
@@ -54,14 +54,14 @@ class BusyError(ServerError):
 
 @dataclass(frozen=True)
 class Server:
-    """How to reach a server.
+    """Address of a server, and how to retry requests to it.
 
     Attributes:
-        url: of its root, such as https://archive.data.jhu.edu.
+        url: its root, such as https://archive.data.jhu.edu.
         timeout: seconds without a byte after which a connection counts as lost.
-        attempts: how often something is asked for that brings nothing new.
+        attempts: number of attempts in a row that bring nothing new.
         pause: seconds before the second attempt, doubled before each further one.
-        stop: set where all work is to end.
+        stop: set when all work has to end.
     """
 
     url: str
@@ -71,7 +71,7 @@ class Server:
     stop: Event = field(default_factory=Event)
 
     def open(self, path: str, headers: Mapping[str, str] | None = None) -> http.client.HTTPResponse:
-        """The answer to a request, redirects followed.
+        """Send a request and return the answer, redirects followed.
 
         Raises:
             BusyError: the server cannot be reached, or is busy.
@@ -92,18 +92,18 @@ class Server:
         except urllib.error.URLError as error:
             if isinstance(error.reason, ssl.SSLError):
                 raise ServerError(f"{url}: no safe connection ({error.reason})") from None
-            raise BusyError(f"{url}: cannot be reached ({_said(error.reason)})") from None
+            raise BusyError(f"{url}: cannot be reached ({_reason(error.reason)})") from None
         except DROPPED as error:
-            raise BusyError(f"{url}: cannot be reached ({_said(error)})") from None
+            raise BusyError(f"{url}: cannot be reached ({_reason(error)})") from None
         except ValueError as error:
             raise ServerError(f"{url}: not an address ({error})") from None
         return answer
 
     def read(self, path: str) -> bytes:
-        """All of a short answer, asked for again where the connection drops.
+        """Read all of a short answer; it is requested again where the connection drops.
 
         Raises:
-            ServerError: it was not to be had.
+            ServerError: all attempts failed, or the server refuses.
         """
 
         def whole() -> bytes:
@@ -111,19 +111,19 @@ class Server:
                 try:
                     return answer.read()
                 except DROPPED as error:
-                    raise BusyError(f"{self.url}: the connection broke ({_said(error)})") from None
+                    raise BusyError(f"{self.url}: the connection broke ({_reason(error)})") from None
 
         return self.again(whole)
 
     def again(self, attempt: Callable[[], Result], progressed: Callable[[], bool] = lambda: False) -> Result:
-        """What an attempt brings, tried again after a pause while the server is busy.
+        """Call `attempt`, and repeat it after a pause while the server is busy.
 
         Args:
-            attempt: raises `BusyError` where another may succeed.
-            progressed: whether the last one brought something, which makes the next one count as the first.
+            attempt: raises `BusyError` where another attempt may succeed.
+            progressed: whether the last attempt brought something new, so that counting starts anew.
 
         Raises:
-            ServerError: what the last attempt raised.
+            ServerError: the last attempt failed.
             Interrupted: `stop` was set.
         """
         tried = 0
@@ -142,11 +142,11 @@ class Server:
 
 
 def _seconds(given: str | None) -> float | None:
-    """What `Retry-After` asks for, as far as anybody should wait; a date is not read."""
+    """Seconds that `Retry-After` requests, up to a limit; None for a date."""
     return min(float(given), LONGEST_PAUSE) if given is not None and given.isdigit() else None
 
 
-def _said(error: object) -> str:
-    """An error's own words, or its kind where it has none."""
+def _reason(error: object) -> str:
+    """Text of an error, or its class where it has none."""
     text = getattr(error, "strerror", None) or str(error)
     return text or type(error).__name__

@@ -1,4 +1,4 @@
-"""How large an archive becomes, before it is fetched."""
+"""Unpacked size of an archive, before it is fetched."""
 
 import io
 import zipfile
@@ -8,11 +8,11 @@ from col3d.data.download.listing import RemoteFile
 from col3d.data.download.server import DROPPED, Server, ServerError
 
 TAIL = 4 << 20
-"""Bytes at the end of an archive that its table of contents is looked for in."""
+"""Bytes at the end of an archive that are read for its table of contents."""
 
 
 class _Tail(io.RawIOBase):
-    """The end of a file, read as the whole of it."""
+    """The end of a file, presented to zipfile as the whole of it."""
 
     def __init__(self, content: bytes, size: int) -> None:
         self.content, self.start, self.size, self.at = content, size - len(content), size, 0
@@ -34,13 +34,13 @@ class _Tail(io.RawIOBase):
         if self.at < self.start:
             raise OSError("before the end")
         end = self.size if size < 0 else min(self.at + size, self.size)
-        found = self.content[self.at - self.start : end - self.start]
-        self.at += len(found)
-        return found
+        content = self.content[self.at - self.start : end - self.start]
+        self.at += len(content)
+        return content
 
 
 def unpacked_size(server: Server, file: RemoteFile) -> int | None:
-    """Bytes of all that an archive holds, by its table of contents; None where the server does not tell."""
+    """Unpacked bytes of an archive, by its table of contents; None where the server does not tell."""
     start = max(file.size - TAIL, 0)
     if server.stop.is_set():
         return None

@@ -1,4 +1,4 @@
-"""Several archives at a time: fetched by threads, unpacked and checked in turn."""
+"""Fetch several archives at a time by threads, each of which unpacks and checks its own."""
 
 import fcntl
 import os
@@ -31,16 +31,16 @@ from col3d.errors import DataError, RunLockedError, UserError
 from col3d.io.ownership import Owned
 
 SETTLE = 5.0
-"""Seconds that threads have to end in after a signal."""
+"""Seconds that threads have to end after a signal."""
 
 
 class Team:
     """Threads that each take a video, fetch and unpack it, and take the next.
 
     Args:
-        parts: the videos.
-        options: how many at a time, and whether archives stay.
-        server: that has them.
+        parts: the videos to fetch.
+        options: number of threads, and whether archives are kept.
+        server: the server of the archives.
         owned: files of this program in the root.
     """
 
@@ -55,10 +55,10 @@ class Team:
         self.task = self.bar.add_task("download", total=sum(part.file.size for part in parts))
 
     def work(self) -> list[str]:
-        """Fetch all; a line for each video that was not to be had.
+        """Fetch all videos; returns a line for each one that could not be fetched.
 
         Raises:
-            OSError: the disk is full, or something of the kind; the others are left, too.
+            OSError: the disk is full, or the like; the remaining videos are not fetched either.
         """
         for part in self.parts:
             self.todo.put(part)
@@ -97,7 +97,7 @@ class Team:
                     self._one(part)
                 except Interrupted:
                     return
-                except Exception as caught:  # which the main thread raises
+                except Exception as caught:  # the main thread raises it
                     error = caught
                 self.ended.put((part, error))
         except Empty:
@@ -119,30 +119,30 @@ class Team:
             if wrong:
                 part.archive.unlink()
         if not part.archive.exists():
-            fetch(self.server, part.file, part.archive, lambda done: self._told(part, done))
-        self._told(part, part.file.size)
+            fetch(self.server, part.file, part.archive, lambda done: self._progress(part, done))
+        self._progress(part, part.file.size)
         if part.folder.is_dir():
-            part.folder.rmdir()  # which was empty when it was looked at
+            part.folder.rmdir()  # it was empty when it was checked
         try:
             unpack(part.archive, part.folder, part.unpacking, self.server.stop)
         except DataError:
-            if ours and not part.file.hashed_by:  # it may be another that was sent
+            if ours and not part.file.hashed_by:  # the server may have sent another file
                 part.archive.unlink()
             raise
         if ours and not self.options.keep:
             part.archive.unlink()
 
-    def _told(self, part: Part, done: int) -> None:
+    def _progress(self, part: Part, done: int) -> None:
         self.done[part.video] = done
         self.bar.update(self.task, completed=sum(self.done.values()))
 
 
 @contextmanager
 def locked_folder(owned: Owned) -> Iterator[None]:
-    """Hold the list of what is ours against another download into its folder.
+    """Lock the list of our files against another download into its folder.
 
     Raises:
-        RunLockedError: there is one.
+        RunLockedError: another download is running.
     """
     root = owned.folder
     descriptor = os.open(owned.list, os.O_RDWR | os.O_CREAT, 0o644)

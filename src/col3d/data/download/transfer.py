@@ -1,4 +1,4 @@
-"""One file from a server onto the disk, whole and as its checksum says, from where the last attempt ended."""
+"""Fetch one file, resuming where the last attempt ended, and verify its checksum."""
 
 import hashlib
 import re
@@ -14,22 +14,22 @@ from col3d.io.atomic import PARTIAL
 
 CHUNK = 1 << 20
 WHOLE_TRIES = 2
-"""How often a file is fetched whose checksum is wrong."""
+"""How many times a file with a wrong checksum is fetched."""
 
 
 def fetch(
-    server: Server, file: RemoteFile, path: Path, told: Callable[[int], None] = lambda done: None
+    server: Server, file: RemoteFile, path: Path, progress: Callable[[int], None] = lambda done: None
 ) -> None:
-    """Bring a file to `path`, over `path.partial`, which stays where something breaks and is gone on with.
+    """Fetch a file to `path`, by way of `path.partial`, which is kept on errors and resumed.
 
     Args:
-        server: that has it.
-        file: which.
-        path: where it is to be.
-        told: is called with the bytes that are there, again and again.
+        server: the server of the file.
+        file: file to fetch.
+        path: path to write to.
+        progress: called repeatedly with the number of bytes on the disk.
 
     Raises:
-        ServerError: it was not to be had, or is another than its checksum says.
+        ServerError: it could not be fetched, or its checksum is wrong.
         Interrupted: the server's `stop` was set.
         OSError: it cannot be written.
     """
@@ -39,7 +39,7 @@ def fetch(
 
         def attempt(before: list[int] = before) -> None:
             before[0] = _size(partial)
-            _go_on(server, file, partial, told)
+            _go_on(server, file, partial, progress)
 
         server.again(attempt, lambda before=before: _size(partial) > before[0])  # type: ignore[misc]
         wrong = mismatch(file, partial, server.stop)
@@ -54,7 +54,7 @@ def fetch(
 
 
 def mismatch(file: RemoteFile, path: Path, stop: Event) -> str | None:
-    """How a file on the disk differs from the one that the server describes; None where it does not.
+    """How a file on the disk differs from the server's description; None where it does not.
 
     Raises:
         Interrupted: `stop` was set.
@@ -70,13 +70,13 @@ def mismatch(file: RemoteFile, path: Path, stop: Event) -> str | None:
             if stop.is_set():
                 raise Interrupted
             digest.update(chunk)
-    if (found := digest.hexdigest()) != file.checksum:
-        return f"its {file.hashed_by} is {found}, and the server says {file.checksum}"
+    if (actual := digest.hexdigest()) != file.checksum:
+        return f"its {file.hashed_by} is {actual}, and the server says {file.checksum}"
     return None
 
 
-def _go_on(server: Server, file: RemoteFile, partial: Path, told: Callable[[int], None]) -> None:
-    """Ask for what is missing and append it.
+def _go_on(server: Server, file: RemoteFile, partial: Path, progress: Callable[[int], None]) -> None:
+    """Request the missing bytes and append them.
 
     Raises:
         BusyError: the connection broke before the end.
@@ -85,7 +85,7 @@ def _go_on(server: Server, file: RemoteFile, partial: Path, told: Callable[[int]
     if done > file.size:
         partial.unlink()
         done = 0
-    told(done)
+    progress(done)
     if done == file.size and partial.exists():
         return
     headers = {"Range": f"bytes={done}-"} if done else {}
@@ -98,21 +98,21 @@ def _go_on(server: Server, file: RemoteFile, partial: Path, told: Callable[[int]
                 if server.stop.is_set():
                     raise Interrupted
                 done = append(content, chunk, done, file)
-                told(done)
+                progress(done)
     if done != file.size:
         raise BusyError(f"{file.name}: the connection broke after {done} of {file.size} bytes")
 
 
 def _start(status: int, span: str | None, done: int) -> int:
-    """From which byte on the answer is; servers need not heed a range."""
+    """Offset of the first byte of the answer: servers need not honour a range."""
     if status != HTTPStatus.PARTIAL_CONTENT:
         return 0
-    found = re.fullmatch(r"bytes (\d+)-\d+/(?:\d+|\*)", span or "")
-    if found is None or int(found[1]) > done:
+    match = re.fullmatch(r"bytes (\d+)-\d+/(?:\d+|\*)", span or "")
+    if match is None or int(match[1]) > done:
         raise ServerError(
             f"the server answers with the bytes {span!r} when those from {done} on are asked for"
         )
-    return int(found[1])
+    return int(match[1])
 
 
 def _read(answer: object, file: RemoteFile) -> bytes:
@@ -124,7 +124,7 @@ def _read(answer: object, file: RemoteFile) -> bytes:
 
 
 def append(content: object, chunk: bytes, done: int, file: RemoteFile) -> int:
-    """Write all of a chunk; more than the file has is of another file."""
+    """Write all of a chunk; refuse one that exceeds the size of the file."""
     if done + len(chunk) > file.size:
         raise ServerError(f"{file.name}: the server sends more than the {file.size} bytes that it lists")
     left = memoryview(chunk)

@@ -1,4 +1,4 @@
-"""Archives of videos, unpacked into folders that are there whole or not at all."""
+"""Unpack archives of videos into folders, atomically."""
 
 import shutil
 import stat
@@ -12,26 +12,26 @@ from col3d.data.download.transfer import CHUNK
 from col3d.errors import DataError, naming
 
 FOLDERS_OF_A_VIDEO = ("rgb", "depth", "normals", "optical_flow", "occlusions", "diffuse")
-"""Which no archive wraps all of a video in."""
+"""Folders inside a video: they never wrap the whole video in an archive."""
 LITTER = ("__MACOSX", ".DS_Store")
 ENCRYPTED = 0x1
 
 
 def unpack(archive: Path, folder: Path, partial: Path, stop: Event) -> None:
-    """Unpack an archive into a folder that is not there yet.
+    """Unpack an archive into a folder that does not exist yet.
 
-    Folders that wrap all of its files are left out. Every entry's checksum is held against it.
+    Folders that wrap all of its files are left out. Every entry's checksum is verified.
 
     Args:
         archive: a zip.
-        folder: of the video.
+        folder: folder of the video.
         partial: a folder on the same disk, which becomes `folder` at the end; what is in it is deleted.
-        stop: is looked at again and again.
+        stop: checked repeatedly; when it is set, unpacking ends.
 
     Raises:
         DataError: the archive is broken, or an entry would lead out of the folder.
         Interrupted: `stop` was set.
-        OSError: it cannot be written, or the folder is there.
+        OSError: it cannot be written, or the folder exists.
     """
     if partial.exists():
         shutil.rmtree(partial)
@@ -50,10 +50,10 @@ def unpack(archive: Path, folder: Path, partial: Path, stop: Event) -> None:
 
 
 def unpacked_bytes(archive: Path) -> int:
-    """Bytes of all that an archive holds.
+    """Unpacked bytes of an archive.
 
     Raises:
-        DataError: it is none.
+        DataError: it is no archive.
     """
     try:
         with zipfile.ZipFile(archive) as content:
@@ -63,19 +63,19 @@ def unpacked_bytes(archive: Path) -> int:
 
 
 def _entries(archive: Path, content: zipfile.ZipFile) -> dict[zipfile.ZipInfo, PurePosixPath]:
-    """Files of an archive, and where each belongs in the folder of its video."""
-    found = {}
+    """Files of an archive, and the path of each in the folder of its video."""
+    paths = {}
     for entry in content.infolist():
         path = _checked(archive, entry)
         if not entry.is_dir() and not set(path.parts) & set(LITTER):
-            found[entry] = path
-    if not found:
+            paths[entry] = path
+    if not paths:
         raise DataError(f"{archive}: there is no file in it")
-    while len(wrappers := {path.parts[0] for path in found.values()}) == 1 and _wraps(found, *wrappers):
-        found = {entry: path.relative_to(path.parts[0]) for entry, path in found.items()}
-    if len(set(found.values())) != len(found):
+    while len(wrappers := {path.parts[0] for path in paths.values()}) == 1 and _wraps(paths, *wrappers):
+        paths = {entry: path.relative_to(path.parts[0]) for entry, path in paths.items()}
+    if len(set(paths.values())) != len(paths):
         raise DataError(f"{archive}: a file is in it twice")
-    return found
+    return paths
 
 
 def _wraps(entries: dict[zipfile.ZipInfo, PurePosixPath], name: str) -> bool:
@@ -83,10 +83,10 @@ def _wraps(entries: dict[zipfile.ZipInfo, PurePosixPath], name: str) -> bool:
 
 
 def _checked(archive: Path, entry: zipfile.ZipInfo) -> PurePosixPath:
-    """Where an entry says that it belongs.
+    """Path of an entry.
 
     Raises:
-        DataError: that leads out of the folder, or the entry is no plain file.
+        DataError: it leads out of the folder, or the entry is no plain file, or is encrypted.
     """
     name = entry.orig_filename.replace("\\", "/")
     path = PurePosixPath(name)

@@ -1,4 +1,4 @@
-"""Reading single files strictly: images, videos, arrays, depth. What is damaged is refused.
+"""Strict readers of single files: images, videos, arrays, depth. Damaged files are refused.
 
 Which files make up a frame is in `data.datasets`.
 """

@@ -1,4 +1,4 @@
-"""Arrays in files of NumPy and in PFM: their headers, and all of them. Nothing in them is ever run."""
+"""Read arrays from NPY, NPZ and PFM files, and their headers; nothing in the files is ever executed."""
 
 import re
 import zipfile
@@ -25,7 +25,7 @@ class ArrayHeader:
 
 
 def is_array(path: Path) -> bool:
-    """Whether a file begins as one of these; False where there is none."""
+    """Whether a file begins as NPY, NPZ or PFM; False where there is no file."""
     try:
         with path.open("rb") as file:
             head = file.read(6)
@@ -35,7 +35,7 @@ def is_array(path: Path) -> bool:
 
 
 def array_header(path: Path) -> ArrayHeader:
-    """Shape and type of the array of a file that is as long as they ask for.
+    """Shape and type of a file's array; the file has to be as long as they require.
 
     Raises:
         DataError: names the file and what is wrong with it.
@@ -56,7 +56,7 @@ def read_array(path: Path) -> np.ndarray:
     """The array of a file.
 
     Raises:
-        DataError: as of `array_header`, or a checksum is wrong.
+        DataError: as `array_header`, or a checksum is wrong.
     """
     header = array_header(path)
     with refusals(path):
@@ -102,7 +102,7 @@ def _long_enough(path: Path, header: ArrayHeader, start: int) -> ArrayHeader:
 
 
 def _pfm_header(path: Path) -> tuple[np.dtype, tuple[int, ...], int]:
-    """Type, shape and first byte of the numbers; the sign of the scale tells the order of bytes."""
+    """Type, shape and offset of the data; the sign of the scale determines the byte order."""
     with path.open("rb") as file:
         match = PFM_HEADER.match(file.read(256))
     if match is None:

@@ -1,4 +1,4 @@
-"""Decoding image files strictly: what a decoder could only salvage is refused."""
+"""Strict decoding of image files: what a decoder could only salvage is refused."""
 
 import io
 import math
@@ -26,14 +26,16 @@ from col3d.data.files.tiff import (
 from col3d.errors import DataError, check_disk
 from col3d.io.formats import image_format
 
-cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # what is broken is said once, by us
+cv2.utils.logging.setLogLevel(
+    cv2.utils.logging.LOG_LEVEL_SILENT
+)  # broken files raise errors, which are reported once
 cv2.setNumThreads(0)  # a pool of threads does not survive the fork of a loader's workers
 PNG_END = b"IEND\xaeB`\x82"
 JPEG_END = b"\xff\xd9"
 TAKEN = "PNG, JPEG, BMP, TIFF and WebP are taken"
 PNG_SIDES_AT = 16
 MOST_VALUES = 2**27
-"""Of pixels, or in TIFF of their channels; ninety times those of a frame of C3VD."""
+"""Most pixels of an image, in TIFF times channels; ninety times those of a frame of C3VD."""
 CUT_OFF, BROKEN = "it is truncated", "its data are truncated or damaged"
 COLOURS = cv2.IMREAD_COLOR_RGB | cv2.IMREAD_IGNORE_ORIENTATION
 Decoder = Callable[[Path], np.ndarray]
@@ -52,14 +54,14 @@ def read_whole(path: Path) -> np.ndarray:
 
 
 def read_rgb8(path: Path, page: int = 0) -> UInt8[np.ndarray, "h w 3"]:
-    """An image as RGB in 8 bits, pixels as they lie in it: without transparency or the turn that EXIF names.
+    """Read an image as RGB in 8 bits; its transparency and the rotation in its EXIF data are ignored.
 
     Args:
-        path: of the file.
-        page: of a TIFF, one of its `page_numbers`.
+        path: the file.
+        page: page of a TIFF, one of its `page_numbers`.
 
     Raises:
-        DataError: as of `read_whole`, or it is grey of more than 8 bits; colours of 16 are reduced.
+        DataError: as `read_whole`, or it is grey of more than 8 bits; colours of 16 bits are reduced.
     """
     with refusals(path):
         decoder = _decoder(path, COLOUR_DECODERS)
@@ -75,17 +77,17 @@ def read_rgb8(path: Path, page: int = 0) -> UInt8[np.ndarray, "h w 3"]:
 
 
 def several_pictures(path: Path, count: int) -> DataError:
-    """What is said of a file that holds more than the one picture that is expected."""
+    """Error for a file that holds more than the one picture that is expected."""
     return DataError(f"{path}: expected one picture, got {count} pages or frames; write each alone")
 
 
-def not_eight_bits(path: Path, came: str) -> DataError:
-    """What is said of an image that would lose range in 8 bits, as maps of depth do."""
-    return DataError(f"{path}: expected an image of 8 bits a channel, got {came}")
+def not_eight_bits(path: Path, actual: str) -> DataError:
+    """Error for an image that would lose range in 8 bits, as maps of depth do."""
+    return DataError(f"{path}: expected an image of 8 bits a channel, got {actual}")
 
 
 def check_count(count: int) -> None:
-    """Refuse more values than any image has, before there is memory for them.
+    """Refuse more values than any image has, before memory is allocated for them.
 
     Raises:
         ValueError: names them.
@@ -95,10 +97,10 @@ def check_count(count: int) -> None:
 
 
 def check_page(page: tifffile.TiffPage) -> None:
-    """The same of a page, and of each of its tiles.
+    """Refuse a page, or a tile of one, with more values than `check_count` takes.
 
     Raises:
-        ValueError: as of `check_count`.
+        ValueError: as `check_count`.
     """
     check_count(page.size)
     check_count(math.prod(page.chunks))
@@ -106,7 +108,7 @@ def check_page(page: tifffile.TiffPage) -> None:
 
 @contextmanager
 def refusals(path: Path) -> Iterator[None]:
-    """Turn whatever a decoder raises over a file into one error that names it.
+    """Turn any error of a decoder over a file into one error that names the file.
 
     Raises:
         DataError: names the file, and why it cannot be read.
@@ -137,7 +139,7 @@ def _decoder(path: Path, decoders: dict[str, Decoder]) -> Decoder:
 
 
 def _png(path: Path) -> np.ndarray:
-    """A sixth faster than OpenCV; each checksum of its data has to be right and every row to be there."""
+    """Decode a PNG a sixth faster than OpenCV; every checksum has to be right and every row present."""
     content = path.read_bytes()
     width, height = struct.unpack_from(">II", content, PNG_SIDES_AT)
     check_count(width * height)
@@ -148,23 +150,23 @@ def _png(path: Path) -> np.ndarray:
 
 
 def _jpeg(path: Path) -> np.ndarray:
-    """libjpeg-turbo by its own interface, which reports what OpenCV and Pillow make up without a word."""
+    """Decode a JPEG by libjpeg-turbo itself, which reports damage that OpenCV and Pillow hide."""
     content = path.read_bytes()
     with Image.open(io.BytesIO(content), formats=["JPEG"]) as image:
         check_count(image.width * image.height)
     try:
         return decode_image_jpegturbo(content, "rgb")
-    except Exception:  # it has no type of its own
+    except Exception:  # its error has no type of its own
         if content.rfind(JPEG_END) < 0:
             raise TruncatedError(CUT_OFF) from None
         return _four_colours(path)
 
 
 def _four_colours(path: Path) -> np.ndarray:
-    """A JPEG of CMYK, which the strict decoder does not know; any other that it refused is broken."""
+    """Decode a JPEG of CMYK, which the strict decoder does not support; any other one is broken."""
     with Image.open(path, formats=["JPEG"]) as image:
         if image.mode != "CMYK":
-            image.load()  # says that it is truncated where it is
+            image.load()  # raises an error if it is truncated
             raise ValueError("its data are damaged")
         return np.asarray(image.convert("RGB"))
 
@@ -196,16 +198,16 @@ def _tiff(path: Path) -> np.ndarray:
 
 
 def _colour_tiff(path: Path, number: int = 0) -> np.ndarray:
-    """By OpenCV, which knows what the numbers of a page mean, unless they are plain colours."""
+    """Decode a page by OpenCV, which converts its colours, unless they are plain."""
     with open_page(path, number) as page:
         check_page(page)
         if not has_eight_bits(page):
             raise not_eight_bits(path, f"{page.samplesperpixel} of {page.bitspersample} bits")
-        pixels = read_page(path, page)  # strictly, which OpenCV is not
+        pixels = read_page(path, page)  # strict, unlike OpenCV
         if is_plain_colour(page):
             return pixels
-        found = cv2.imreadmulti(str(path), page.index, 1, flags=COLOURS)[1]
-        return _colours(found[0] if found else None)
+        pages = cv2.imreadmulti(str(path), page.index, 1, flags=COLOURS)[1]
+        return _colours(pages[0] if pages else None)
 
 
 DECODERS: dict[str, Decoder] = {

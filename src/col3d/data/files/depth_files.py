@@ -1,4 +1,4 @@
-"""Maps of depth in files of any program: images, and arrays of NumPy or PFM, one reader for all."""
+"""Read maps of depth from files of any program: images, NumPy arrays and PFM."""
 
 from pathlib import Path
 
@@ -20,18 +20,18 @@ Shape = tuple[int, ...]
 
 
 def check_depth_file(path: Path, size_hw: tuple[int, int], channel: int | None = None) -> int:
-    """Refuse by its header a file that `read_depth_file` would refuse, but for channels that differ.
+    """Refuse, by its header, a file that `read_depth_file` would refuse; channels may differ.
 
     Args:
-        path: of the file.
-        size_hw: that it must have.
-        channel: that holds the depth, counted from 0; None where all are to be equal.
+        path: the file.
+        size_hw: height and width that it must have.
+        channel: channel that holds the depth, counted from 0; None where all have to be equal.
 
     Returns:
-        The number of its channels, transparency not counted.
+        The number of its channels without transparency.
 
     Raises:
-        DataError: names the file, the rule and what came.
+        DataError: names the file, the rule and what was found.
     """
     if is_array(path):
         array = array_header(path)
@@ -50,13 +50,13 @@ def check_depth_file(path: Path, size_hw: tuple[int, int], channel: int | None =
 def read_depth_file(
     path: Path, size_hw: tuple[int, int], channel: int | None = None
 ) -> Shaped[np.ndarray, "h w"]:
-    """The numbers of a map of depth, of whatever type they are stored in; arguments as `check_depth_file`.
+    """Read a map of depth, in the type that it is stored in; arguments as `check_depth_file`.
 
     Raises:
-        DataError: names the file, the rule and what came.
+        DataError: names the file, the rule and what was found.
     """
     if is_array(path):
-        check_depth_file(path, size_hw, channel)  # before there is memory for what it says it holds
+        check_depth_file(path, size_hw, channel)  # before memory is allocated for its size
         pixels = read_array(path)
     else:
         check_format(path)
@@ -67,7 +67,7 @@ def read_depth_file(
         and pixels.dtype.kind in "uif"
         and pixels.dtype != np.uint8
     ):
-        return pixels  # all that its header could tell is known
+        return pixels  # there is nothing else that its header could tell
     channels = check_depth_file(path, size_hw, channel)
     planes = _channels_last(pixels, size_hw)
     if channel is not None:
@@ -83,7 +83,7 @@ def read_depth_file(
 
 
 def check_numbers(path: Path, dtype: np.dtype) -> None:
-    """Refuse what is neither a whole number nor a float.
+    """Refuse types that are neither integers nor floats.
 
     Raises:
         DataError: names the file and the type.
@@ -93,7 +93,7 @@ def check_numbers(path: Path, dtype: np.dtype) -> None:
 
 
 def check_format(path: Path) -> None:
-    """Refuse what is neither an image nor an array.
+    """Refuse a file that is neither an image nor an array.
 
     Raises:
         DataError: names the file and what is taken.
@@ -107,14 +107,14 @@ def _image_channels(path: Path, size_hw: tuple[int, int]) -> int:
     header = read_header(path)
     check_size(path, size_hw, header.size_hw)
     if header.bits < BYTE or header.numbers not in NUMBERS.values():
-        came = f"{header.numbers} of {header.bits} bits"
-        raise DataError(f"{path}: expected numbers of 8 bits or more, got {came}; {TAKEN}")
+        actual = f"{header.numbers} of {header.bits} bits"
+        raise DataError(f"{path}: expected numbers of 8 bits or more, got {actual}; {TAKEN}")
     check_one_page(path, header)
     return 3 if header.is_palette else header.colours
 
 
 def _channels(path: Path, shape: Shape, size_hw: tuple[int, int]) -> int:
-    """Of an array (h, w), (h, w, c) or (c, h, w)."""
+    """Number of channels of an array (h, w), (h, w, c) or (c, h, w)."""
     if shape == size_hw:
         return 1
     if len(shape) == 3 and size_hw in (shape[:2], shape[1:]):
@@ -123,7 +123,7 @@ def _channels(path: Path, shape: Shape, size_hw: tuple[int, int]) -> int:
 
 
 def _channels_last(pixels: np.ndarray, size_hw: tuple[int, int]) -> np.ndarray:
-    """(h, w, c) of (h, w), (h, w, c) or (c, h, w)."""
+    """Bring (h, w), (h, w, c) or (c, h, w) to (h, w, c)."""
     if pixels.ndim == 2:
         return pixels[..., None]
     return pixels if pixels.shape[:2] == size_hw else np.moveaxis(pixels, 0, -1)

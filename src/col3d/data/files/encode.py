@@ -1,4 +1,4 @@
-"""Depth and normals in the 16-bit codes of C3VD's current release, and back into files."""
+"""Encode depth and normals in the 16-bit codes of C3VD's current release, and write them as TIFF."""
 
 from pathlib import Path
 
@@ -15,11 +15,11 @@ DEFLATE = [cv2.IMWRITE_TIFF_COMPRESSION, cv2.IMWRITE_TIFF_COMPRESSION_ADOBE_DEFL
 def depth_codes(
     depth: Float[np.ndarray, "h w"], max_depth: float, mask: Bool[np.ndarray, "h w"] | None = None
 ) -> UInt16[np.ndarray, "h w"]:
-    """Codes of which 65535 is `max_depth`; 0 outside the mask, and inside it never 0 or 65535.
+    """Depth as codes of which 65535 is `max_depth`; 0 outside the mask, never 0 or 65535 inside it.
 
     Args:
-        depth: mm.
-        max_depth: mm; what lies beyond has the highest code but one.
+        depth: depth in mm.
+        max_depth: mm; larger depth has the highest code but one.
         mask: where depth is known; everywhere when absent.
     """
     codes = np.rint(depth * (FULL_CODE / max_depth)).clip(1, FULL_CODE - 1).astype(np.uint16)
@@ -29,7 +29,7 @@ def depth_codes(
 def normal_codes(
     normals: Float[np.ndarray, "h w 3"], mask: Bool[np.ndarray, "h w"] | None = None
 ) -> UInt16[np.ndarray, "h w 3"]:
-    """Codes (n + 1) / 2 * 65535 in standard axes, which are the current release's; 0 outside the mask."""
+    """Normals as codes (n + 1) / 2 * 65535 in standard axes, as the current release; 0 outside the mask."""
     codes = np.rint((normals + 1) * (FULL_CODE / 2)).clip(0, FULL_CODE).astype(np.uint16)
     return codes if mask is None else codes * mask[..., None]
 

@@ -1,4 +1,4 @@
-"""What the header of an image file says, and whether the file is as long as that."""
+"""Read headers of image files, and check that a file is as long as its header says."""
 
 import warnings
 from dataclasses import dataclass
@@ -21,27 +21,27 @@ from col3d.errors import DataError, check_disk
 from col3d.io.formats import IMAGE_FORMATS, image_format
 
 EIGHT_BITS = ("1", "L", "LA", "P", "PA", "RGB", "RGBA", "RGBX", "CMYK", "YCbCr", "HSV", "LAB")
-"""Pillow's names of what becomes RGB of 8 bits without loss of range."""
+"""Pillow's modes that become RGB of 8 bits without loss of range."""
 PNG_BITS_AT = 24
 NUMBERS = {"u": "whole numbers", "i": "whole numbers", "f": "floats", "b": "whole numbers"}
-"""By the kind of NumPy's types."""
+"""Names of numbers by the kind of NumPy's types."""
 TAIL = 64
-"""Bytes at the end of a file in which its last mark is looked for first."""
+"""Bytes at the end of a file in which its end mark is searched for first."""
 
 
 @dataclass(frozen=True)
 class Header:
-    """What a file says that it holds.
+    """Content of a file's header.
 
     Attributes:
         size_hw: height and width in pixels.
-        channels: of its first picture, transparency among them; of a palette, one.
-        colours: without transparency.
-        bits: of each channel.
-        pages: pictures in it.
-        is_photo: whether it becomes RGB of 8 bits without loss of range; colours of 16 are reduced.
-        is_palette: whether its numbers are places in a list of colours.
-        numbers: what they are, one of `NUMBERS`; something else where they are no measurement.
+        channels: channels of its first picture, transparency included; one for a palette.
+        colours: channels without transparency.
+        bits: bits of each channel.
+        pages: number of pictures in it.
+        is_photo: whether it becomes RGB of 8 bits without loss of range; colours of 16 bits are reduced.
+        is_palette: whether its numbers are indices of a palette.
+        numbers: kind of its numbers, one of `NUMBERS`; other texts where they are no measurement.
     """
 
     size_hw: tuple[int, int]
@@ -55,10 +55,10 @@ class Header:
 
 
 def read_header(path: Path) -> Header:
-    """The header of an image file, which has to be whole as far as its length tells.
+    """Read the header of an image file; the file has to be whole as far as its length tells.
 
     Raises:
-        DataError: it is no image that is taken, or shorter than it says.
+        DataError: it is no image of a supported format, or shorter than its header says.
     """
     try:
         name = image_format(path)
@@ -83,24 +83,24 @@ def read_header(path: Path) -> Header:
 
 
 def check_photo(path: Path, header: Header) -> None:
-    """Refuse what is no picture of 8 bits a channel.
+    """Refuse an image that is no picture of 8 bits a channel.
 
     Raises:
-        DataError: names the file, the rule and what came.
+        DataError: names the file, the rule and what was found.
     """
     if not header.is_photo:
         raise not_eight_bits(path, f"{header.channels} of {header.bits} bits")
 
 
-def check_size(path: Path, size_hw: tuple[int, int], found_hw: tuple[int, int]) -> None:
+def check_size(path: Path, size_hw: tuple[int, int], actual_hw: tuple[int, int]) -> None:
     """Refuse an image of another size.
 
     Raises:
         DataError: names the file and both sizes.
     """
-    if found_hw != size_hw:
+    if actual_hw != size_hw:
         raise DataError(
-            f"{path}: expected {size_hw[0]} x {size_hw[1]} pixels, got {found_hw[0]} x {found_hw[1]}"
+            f"{path}: expected {size_hw[0]} x {size_hw[1]} pixels, got {actual_hw[0]} x {actual_hw[1]}"
         )
 
 
@@ -108,7 +108,7 @@ def check_one_page(path: Path, header: Header) -> None:
     """Refuse several pictures where one is expected.
 
     Raises:
-        DataError: names the file and how many there are.
+        DataError: names the file and the number of pictures.
     """
     if header.pages > 1:
         raise several_pictures(path, header.pages)
@@ -138,7 +138,7 @@ def _other_header(path: Path) -> Header:
 def _tiff_header(path: Path) -> Header:
     with open_page(path) as page:
         check_page(page)
-        bits = page.bitspersample  # of each channel where they differ
+        bits = page.bitspersample  # a list with one for each channel where they differ
         kind = "" if page.dtype is None else page.dtype.kind
         is_palette = page.photometric == tifffile.PHOTOMETRIC.PALETTE
         return Header(
@@ -154,7 +154,7 @@ def _tiff_header(path: Path) -> Header:
 
 
 def _is_as_long_as_it_says(path: Path, name: str) -> bool:
-    """Whether the end mark of a PNG or JPEG is there, or as many bytes as a BMP or WebP announces."""
+    """Whether a PNG or JPEG has its end mark, and a BMP or WebP as many bytes as it announces."""
     size = path.stat().st_size
     with path.open("rb") as file:
         if name in ("BMP", "WEBP"):
@@ -170,6 +170,6 @@ def _is_as_long_as_it_says(path: Path, name: str) -> bool:
         file.seek(0)
         if end not in tail and file.read().rfind(end) < 0:
             return False
-    if name == "JPEG":  # its last mark may be that of a small picture in its header
+    if name == "JPEG":  # its end mark may be that of a thumbnail in its header
         read_whole(path)
     return True

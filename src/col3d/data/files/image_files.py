@@ -1,4 +1,4 @@
-"""Image files of a data set, each checked by its header before training and in full when it is read."""
+"""Image files of a data set: checked by their headers before training, and in full when they are read."""
 
 from pathlib import Path
 
@@ -14,13 +14,13 @@ def check_header(path: Path, size_hw: tuple[int, int], channels: int | None, bit
     """Refuse a file whose header or length shows that it is not the complete image it should be.
 
     Args:
-        path: of the file.
-        size_hw: that it must have.
-        channels: likewise; None where any picture of 8 bits a channel will do.
-        bits: of each channel; None where any number will do.
+        path: the file.
+        size_hw: height and width that it must have.
+        channels: channels that it must have; None for any picture of 8 bits a channel.
+        bits: bits that each channel must have; None for any number.
 
     Raises:
-        DataError: names the file, the rule and what came.
+        DataError: names the file, the rule and what was found.
     """
     header = read_header(path)
     check_size(path, size_hw, header.size_hw)
@@ -35,7 +35,7 @@ def check_header(path: Path, size_hw: tuple[int, int], channels: int | None, bit
 
 
 def read_rgb(path: Path, size_hw: tuple[int, int], dtype: type[np.generic]) -> np.ndarray:
-    """An image of three channels as (h, w, 3); of a TIFF without compression a view to read only.
+    """Read an image of three channels as (h, w, 3); for an uncompressed TIFF, a read-only view.
 
     Raises:
         DataError: the file cannot be decoded, or has another size or type.
@@ -45,12 +45,12 @@ def read_rgb(path: Path, size_hw: tuple[int, int], dtype: type[np.generic]) -> n
 
 
 def read_grey(path: Path, size_hw: tuple[int, int], dtype: type[np.generic]) -> np.ndarray:
-    """An image of one channel as (h, w); errors as in `read_rgb`."""
+    """Read an image of one channel as (h, w); errors as in `read_rgb`."""
     return _read(path, size_hw, dtype)
 
 
 def read_colour(path: Path, size_hw: tuple[int, int]) -> np.ndarray:
-    """Any image as RGB (h, w, 3) in 8 bits; what is transparent or of colours of 16 bits loses that.
+    """Read any image as RGB (h, w, 3) in 8 bits, without transparency; colours of 16 bits are reduced.
 
     Raises:
         DataError: the file cannot be decoded, or has another size.
@@ -71,11 +71,11 @@ def _read(path: Path, shape: tuple[int, ...], dtype: type[np.generic]) -> np.nda
 
 
 def _mapped(path: Path, shape: tuple[int, ...], dtype: type[np.generic]) -> np.ndarray | None:
-    """The pixels of a TIFF where they lie in the file as they are; None of any other file."""
+    """Memory map of the pixels of an uncompressed TIFF; None of any other file."""
     if path.suffix not in (".tif", ".tiff"):
         return None
     try:
         pixels = np.asarray(tifffile.memmap(path, mode="r"))
     except (OSError, ValueError, IndexError, tifffile.TiffFileError):
-        return None  # compressed or broken, which the decoder tells apart
+        return None  # compressed or broken; the decoder tells which
     return pixels if pixels.shape == shape and pixels.dtype == dtype else None

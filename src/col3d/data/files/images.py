@@ -1,4 +1,4 @@
-"""Images from anywhere: a file, a folder, a pattern, a video file, or a video of a data set, one by one."""
+"""Sources of images: a file, a folder, a pattern, a video file, or a video of a data set."""
 
 import glob
 import os
@@ -32,19 +32,19 @@ VIDEO_ENDINGS = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg
 MAYBE_SEVERAL = (".png", ".tif", ".tiff", ".webp")
 """Endings of images that may hold several pictures."""
 ANIMATED, HEAD = b"acTL", 65536
-"""What an animated PNG has before its pixels, which begin within so many bytes."""
+"""Chunk that marks an animated PNG, and the number of bytes within which it comes."""
 NAMED = 3
-"""Files or folders that a line names."""
+"""Most files or folders that a message names."""
 
 
 class ImageFiles(ImageSource):
     """Image files by number and name.
 
     Args:
-        name: of the whole.
-        files: by number.
+        name: name of the source.
+        files: files by number.
         is_video: whether they are frames of one video, named by their numbers.
-        notes: lines on what was not taken.
+        notes: lines on files that were left out.
     """
 
     def __init__(self, name: str, files: dict[int, Path], is_video: bool, notes: Sequence[str] = ()) -> None:
@@ -54,7 +54,7 @@ class ImageFiles(ImageSource):
         self.notes = tuple(note for note in (*notes, _note_of_several(self.paths)) if note)
 
     def sizes(self) -> Iterator[tuple[int, int]]:
-        """Height and width of images by their headers, as they are asked for; broken ones are passed over."""
+        """Height and width of images by their headers, read lazily; broken images are skipped."""
         for path in self.paths:
             try:
                 yield read_header(path).size_hw
@@ -74,10 +74,10 @@ class ImageFiles(ImageSource):
 
 
 def image_source(given: str) -> ImageSource:
-    """What a path or pattern stands for.
+    """The source of images that a path or pattern stands for.
 
     Raises:
-        DataError: there is nothing, or nothing that can be read as images.
+        DataError: nothing exists there, or nothing that can be read as images.
     """
     path = Path(given)
     if path.is_dir():
@@ -90,7 +90,7 @@ def image_source(given: str) -> ImageSource:
 
 
 def _file(path: Path) -> ImageSource:
-    """An image, several in one file, or else a video: what is in it decides, not its name."""
+    """An image, several in one file, or else a video: the content decides, not the name."""
     ending, container = path.suffix.lower(), container_of(path)
     if image_format(path) in MOVING_FORMATS or (ending in IMAGE_ENDINGS and not container):
         return as_pictures(path) or ImageFiles(path.stem, {0: path}, is_video=False)
@@ -103,20 +103,20 @@ def _file(path: Path) -> ImageSource:
 
 
 def _matching(given: str, path: Path) -> ImageSource:
-    """Images of a pattern; what is no photo by its name, where nothing else matches it."""
+    """Photos that match a pattern; all images that match it, if none is a photo by its name."""
     pattern = str(Path(glob.escape(str(path.parent))) / path.name) if path.parent.is_dir() else given
-    found = _images([Path(name) for name in glob.glob(pattern, recursive=True)])  # noqa: PTH207 - absolute or not
-    if not found:
+    images = _images([Path(name) for name in glob.glob(pattern, recursive=True)])  # noqa: PTH207 - absolute or not
+    if not images:
         raise DataError(f"input: {given} matches no image ({', '.join(IMAGE_ENDINGS)})")
-    photos = choose_photos(found)
+    photos = choose_photos(images)
     if not photos.files:
-        photos = Photos(tuple(found), {})
+        photos = Photos(tuple(images), {})
     name, files = path.parent.name or "images", dict(enumerate(photos.files))
     return ImageFiles(name, files, is_video=False, notes=[photos.note(given)])
 
 
 def _folder(path: Path) -> ImageSource:
-    """A video of a data set by the names of its files, else the photos in the folder or in one below it."""
+    """A video of a data set by the names of its files, else the photos in the folder or in one below."""
     for color in (C3VD.kinds["color"], SimCol3D.kinds["color"]):
         if files := color.find(path):
             others = {*_images(list(path.iterdir())), *_beside(path)} - {*files.values()}
@@ -163,7 +163,7 @@ def _folder_below(path: Path) -> ImageSource:
 
 
 def _beside(path: Path) -> list[Path]:
-    """Images in folders below that are called as those of depth, normals and the like are."""
+    """Images in folders below whose names are those of depth, normals and the like."""
     below = [inner for inner in path.iterdir() if inner.is_dir() and kind_by_name(inner.name)]
     return [image for inner in below for image in _images(list(inner.iterdir()))]
 
@@ -173,9 +173,9 @@ def _counted(paths: Iterable[Path]) -> Counter[str]:
 
 
 def _note_of_several(paths: Sequence[Path]) -> str:
-    """Which files hold more pictures than the one that is taken, in a line; nothing where none does."""
-    found = {path: _pages(path) for path in paths if path.suffix.lower() in MAYBE_SEVERAL}
-    several = [f"{path.name} ({count})" for path, count in found.items() if count > 1]
+    """A line on files that hold more pictures than the one that is taken; empty where none does."""
+    counts = {path: _pages(path) for path in paths if path.suffix.lower() in MAYBE_SEVERAL}
+    several = [f"{path.name} ({count})" for path, count in counts.items() if count > 1]
     if not several:
         return ""
     listed = ", ".join(several[:NAMED]) + (", ..." if len(several) > NAMED else "")
@@ -191,7 +191,7 @@ def _pages(path: Path) -> int:
                 return 1
         return read_header(path).pages
     except (DataError, OSError):
-        return 1  # what is broken is said when it is read
+        return 1  # a broken file is reported when it is read
 
 
 def _images(paths: Sequence[Path]) -> list[Path]:
@@ -200,43 +200,43 @@ def _images(paths: Sequence[Path]) -> list[Path]:
 
 
 def _by_numbers(path: Path) -> list[tuple[int, int, str]]:
-    """A key by which frame_9 comes before frame_10."""
+    """Sort key by which frame_9 comes before frame_10."""
     parts = re.split(r"(\d+)", str(path))
     return [(0, int(part), "") if part.isdecimal() else (1, 0, part) for part in parts]
 
 
 def _names(paths: Sequence[Path]) -> list[str]:
-    """Stems; where two files share one, as much of their paths as tells them apart."""
+    """Stems; where two files share one, the parts of paths that distinguish them."""
     stems = [_in_utf8(path.stem) for path in paths]
     if len(set(stems)) == len(stems):
         return stems
     absolute = [path.absolute() for path in paths]
     shared = Path(*_common([path.parent.parts for path in absolute]))
     parts = [path.relative_to(shared).parts for path in absolute]
-    return _told_apart([_in_utf8("_".join(of_it)).replace(".", "_") for of_it in parts])
+    return _made_unique([_in_utf8("_".join(names)).replace(".", "_") for names in parts])
 
 
 def _in_utf8(name: str) -> str:
-    """A name of which every byte that is no UTF-8 became a question mark of Unicode's."""
+    """A name in which bytes that are no UTF-8 are replaced by U+FFFD."""
     return os.fsencode(name).decode("utf-8", "replace")
 
 
-def _told_apart(names: Sequence[str]) -> list[str]:
-    """The names, with a number after those that came before."""
-    found: list[str] = []
+def _made_unique(names: Sequence[str]) -> list[str]:
+    """The names, with a number appended to repeated ones."""
+    unique: list[str] = []
     for name in names:
         number, free = 2, name
-        while free in found:
+        while free in unique:
             number, free = number + 1, f"{name}_{number}"
-        found.append(free)
-    return found
+        unique.append(free)
+    return unique
 
 
 def _common(parts: Sequence[tuple[str, ...]]) -> list[str]:
     columns = zip(*parts, strict=False)
-    found: list[str] = []
+    shared: list[str] = []
     for column in columns:
         if len(set(column)) > 1:
             break
-        found.append(column[0])
-    return found
+        shared.append(column[0])
+    return shared

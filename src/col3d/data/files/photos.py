@@ -1,7 +1,8 @@
-"""Which images of a folder are photos, and which are depth, normals, masks or the like beside them.
+"""Separate the photos of a folder from depth, normals, masks and other maps beside them.
 
-Names decide where they speak: `0001_depth.png`, `Depth_0001.png`, `mask01.png`. Where they do not, the type
-of the pixels does: what has more than 8 bits a channel, or is grey beside colours of the same numbers.
+Names such as `0001_depth.png`, `Depth_0001.png` or `mask01.png` decide. Where they say nothing, the type of
+the pixels does: files of more than 8 bits a channel, or grey ones beside colours of the same numbers, are no
+photos.
 """
 
 import re
@@ -23,34 +24,34 @@ KINDS: Mapping[str, tuple[str, ...]] = {
     "coverage": ("coverage",),
     "truth": ("gt", "groundtruth"),
 }
-"""Words in names that say what a file is beside a photo."""
+"""Kind of file that is no photo -> words in its name."""
 MAYBE = "normal"
-"""Also what healthy tissue is called; it speaks of a photo of the same name alone."""
+"""A word that may also mean healthy tissue; it means normals only beside a photo of the same name."""
 PHOTO_WORDS = (
     *("rgb", "color", "colour", "colors", "colours", "image", "images", "img", "imgs", "im"),
     *("frame", "frames", "framebuffer", "buffer", "photo", "photos", "left"),
 )
 MOST_FAMILIES = 12
-"""Kinds of names in a folder up to which pixels are looked at; more of them are no layout."""
+"""Most families of names in a folder for which pixels are examined; more of them are no layout."""
 Family = tuple[Path, str, str]
-"""A folder, a name without its numbers, and an ending."""
+"""Files with the same folder, name without its numbers, and ending."""
 WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
 
 
 @dataclass(frozen=True)
 class Photos:
-    """Files of a folder.
+    """Photos among the files of a folder.
 
     Attributes:
         files: the photos, in their order.
-        left_out: of each kind that is none, how many.
+        left_out: number of files of each kind that is no photo.
     """
 
     files: tuple[Path, ...]
     left_out: Mapping[str, int]
 
     def note(self, place: str) -> str:
-        """What is left out, in a line; nothing where nothing is."""
+        """A line on what is left out; empty where nothing is."""
         if not self.left_out:
             return ""
         listed = ", ".join(f"{count} {kind}" for kind, count in sorted(self.left_out.items()))
@@ -58,10 +59,10 @@ class Photos:
 
 
 def choose_photos(paths: Sequence[Path]) -> Photos:
-    """The photos among images; all of them where names and headers tell of none.
+    """The photos among images; all of them where names and headers show no other kind.
 
     Args:
-        paths: in their order.
+        paths: the images, in their order.
     """
     kinds = {path: kind_by_name(path.stem) for path in paths}
     if len({path.parent for path in paths}) > 1:  # a pattern of several folders, such as `*/*/*.png`
@@ -76,13 +77,13 @@ def choose_photos(paths: Sequence[Path]) -> Photos:
 
 
 def kind_by_name(stem: str) -> str:
-    """Which of `KINDS` a name speaks of; nothing where of none."""
+    """The one of `KINDS` that a name indicates; empty where it indicates none."""
     words = set(_words(stem))
     return next((kind for kind, names in KINDS.items() if words & set(names)), "")
 
 
 def is_photo_folder(name: str) -> bool:
-    """Whether a folder is called as those of photos are."""
+    """Whether the name of a folder is one for photos."""
     return bool(set(_words(name)) & set(PHOTO_WORDS))
 
 
@@ -91,28 +92,28 @@ def _words(stem: str) -> list[str]:
 
 
 def _key(stem: str) -> str:
-    """What is left of a name without the words for what it shows."""
+    """A name without the words for photos."""
     dull = {*PHOTO_WORDS, MAYBE}
     kept = WORD.sub(lambda match: "" if match[0].lower() in dull else match[0].lower(), stem)
     return re.sub(r"[^a-z0-9]+", " ", kept).strip()
 
 
 def _kinds_by_type(paths: Sequence[Path]) -> dict[Path, str]:
-    """What the pixels show to be no photos, by the first file of each family of names."""
+    """Images that are no photos by their pixels, judged by the first file of each family of names."""
     families: dict[Family, list[Path]] = {}
     for path in paths:
         families.setdefault((path.parent, re.sub(r"\d+", "#", path.stem), path.suffix), []).append(path)
     headers = {family: _header(members[0]) for family, members in families.items()}
     shown = [family for family, header in headers.items() if header and header.is_photo]
     deep = {family: header for family, header in headers.items() if header and not header.is_photo}
-    found: dict[Path, str] = {}
+    kinds: dict[Path, str] = {}
     if shown:
         for family, header in deep.items():
-            found |= dict.fromkeys(families[family], f"of {header.bits} bits a channel")
+            kinds |= dict.fromkeys(families[family], f"of {header.bits} bits a channel")
     photos = {family: families[family] for family in shown}
     for parent in {family[0] for family in photos}:
-        found |= _grey_ones({family: members for family, members in photos.items() if family[0] == parent})
-    return found
+        kinds |= _grey_ones({family: members for family, members in photos.items() if family[0] == parent})
+    return kinds
 
 
 def _grey_ones(families: Mapping[Family, Sequence[Path]]) -> dict[Path, str]:
@@ -126,7 +127,7 @@ def _grey_ones(families: Mapping[Family, Sequence[Path]]) -> dict[Path, str]:
 
 
 def _are_grey(paths: Sequence[Path]) -> bool:
-    """Whether the first, the middle and the last have equal channels; a photo alone may be black."""
+    """Whether the first, the middle and the last image have equal channels; a single photo may be black."""
     for path in {paths[0], paths[len(paths) // 2], paths[-1]}:
         try:
             pixels = read_rgb8(path)
@@ -141,7 +142,7 @@ def _header(path: Path) -> Header | None:
     try:
         return read_header(path)
     except (DataError, OSError):
-        return None  # what is broken is said when it is read
+        return None  # a broken file is reported when it is read
 
 
 def _numbers(paths: Iterable[Path]) -> list[tuple[int, ...]]:

@@ -1,4 +1,4 @@
-"""What a source of images is: one after the other, none kept."""
+"""Interface of image sources: images one after the other, none kept in memory."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
@@ -12,7 +12,7 @@ from col3d.data.files.headers import check_photo, read_header
 from col3d.errors import DataError
 
 LONGEST = 20
-"""Times the shorter side that the longer one of an image may be: pictures of a line have no bounds."""
+"""Largest ratio of the sides of an image: a longer one would be a line."""
 
 
 @dataclass(frozen=True)
@@ -20,10 +20,10 @@ class SourceImage:
     """One image of a source.
 
     Attributes:
-        name: for files that are written of it; no other of the source has it.
-        number: of the frame, or the image's place.
+        name: name for output files, unique in the source.
+        number: number of the frame, or index of the image.
         image: RGB (h, w, 3) in 8 bits; None where it cannot be read.
-        fault: what is wrong with it, in words, or nothing.
+        fault: what is wrong with it, or empty.
     """
 
     name: str
@@ -33,15 +33,15 @@ class SourceImage:
 
 
 class ImageSource(ABC):
-    """Images one after the other, none kept.
+    """Images one after the other, none kept in memory.
 
     Attributes:
-        name: of the whole.
-        is_video: whether each image follows on the one before in time.
-        fps: frames a second; None where nobody says.
-        count: how many there are, as far as is known before they are read.
-        paths: of the files that are read.
-        notes: lines on what is not taken.
+        name: name of the source.
+        is_video: whether each image follows the one before in time.
+        fps: frames a second; None where it is not known.
+        count: number of images, as far as it is known before they are read.
+        paths: paths of the files that are read.
+        notes: lines on files that are left out.
     """
 
     name: str
@@ -53,18 +53,18 @@ class ImageSource(ABC):
 
     @abstractmethod
     def __iter__(self) -> Iterator[SourceImage]:
-        """Each image, or what is wrong with it."""
+        """Yield each image, or what is wrong with it."""
 
     @abstractmethod
     def sizes(self) -> Iterator[tuple[int, int]]:
-        """Height and width of images by their headers, as they are asked for; broken ones are passed over."""
+        """Height and width of images by their headers, read lazily; broken images are skipped."""
 
 
 def read_image(path: Path) -> np.ndarray:
-    """Any whole image file as RGB (h, w, 3) in 8 bits, pixels as they lie in it.
+    """Read any whole image file as RGB (h, w, 3) in 8 bits; the rotation in its EXIF data is ignored.
 
     Raises:
-        DataError: it is no image, is damaged, or is grey of more than 8 bits; colours of 16 are reduced.
+        DataError: it is no image, is damaged, or is grey of more than 8 bits; colours of 16 bits are reduced.
     """
     header = read_header(path)
     check_sides(path, *header.size_hw)
@@ -73,10 +73,10 @@ def read_image(path: Path) -> np.ndarray:
 
 
 def check_sides(path: Path, height: int, width: int) -> None:
-    """Refuse by its header what is a line rather than an image.
+    """Refuse, by its header, an image that is as narrow as a line.
 
     Raises:
-        DataError: names the file, the rule and what came.
+        DataError: names the file, the rule and what was found.
     """
     if max(height, width) > LONGEST * min(height, width):
         raise DataError(

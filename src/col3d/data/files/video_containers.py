@@ -1,4 +1,4 @@
-"""Containers of video: told by their first bytes, and whether a file is as long as its container says."""
+"""Recognise containers of video by their first bytes, and read the file length that they declare."""
 
 import struct
 from collections.abc import Callable
@@ -10,17 +10,17 @@ BOXES = (b"ftyp", b"moov", b"mdat", b"free", b"skip", b"wide")
 EBML, SEGMENT = b"\x1a\x45\xdf\xa3", b"\x18\x53\x80\x67"
 ASF = bytes.fromhex("3026b2758e66cf11a6d900aa0062ce6c")
 KLV = bytes.fromhex("060e2b34")
-"""What every key of MXF begins with."""
+"""First bytes of every key of MXF."""
 FLV_SIZE = b"\x00\x08filesize\x00"
-"""Before the length of the file, a double, in the first tag of many FLV files."""
+"""Bytes before the length of the file, a double, in the first tag of many FLV files."""
 HEAD = 65536
 """Bytes at the beginning that hold that tag."""
 PACKETS = ((0, 188), (4, 192))
-"""Where the first sync byte of a transport stream is, and how far the next."""
+"""Offset of the first sync byte of a transport stream, and distance to the next."""
 
 
 def container_of(path: Path) -> str:
-    """Name of the container that a file begins as; nothing where it is none that is known.
+    """Name of the container that a file begins as; empty where it is not a known one.
 
     Raises:
         OSError: the file cannot be read.
@@ -39,7 +39,7 @@ def container_of(path: Path) -> str:
 
 
 def declared_length(path: Path) -> int | None:
-    """How many bytes a container says that its file has; None where it does not say.
+    """Length of the file in bytes that its container declares; None where it declares none.
 
     Raises:
         OSError: the file cannot be read.
@@ -52,7 +52,7 @@ def declared_length(path: Path) -> int | None:
 
 
 def missing_bytes(path: Path) -> int:
-    """How many bytes a container announces beyond the end of its file; 0 where it announces none.
+    """Number of bytes that a container declares beyond the end of its file; 0 where it declares none.
 
     Raises:
         OSError: the file cannot be read.
@@ -96,7 +96,7 @@ def _segment(file: BinaryIO, size: int) -> int | None:
 
 
 def _number(file: BinaryIO) -> int | None:
-    """A number of variable length; None where it says that nobody knows."""
+    """A number of variable length of EBML; None where it stands for an unknown length."""
     first = file.read(1)
     if not first or not first[0]:
         return None
@@ -106,11 +106,11 @@ def _number(file: BinaryIO) -> int | None:
 
 
 def _tags(file: BinaryIO, size: int) -> int:
-    """Of FLV: what its first tag says, or else the end of the last tag that begins."""
+    """Length of an FLV file: what its first tag declares, or else the end of the last tag that begins."""
     head = file.read(HEAD)
     place = head.find(FLV_SIZE)
-    said = head[place + len(FLV_SIZE) :][:8] if place >= 0 else b""
-    if len(said) == 8 and 0 < (length := struct.unpack(">d", said)[0]) < 2**63:
+    length_field = head[place + len(FLV_SIZE) :][:8] if place >= 0 else b""
+    if len(length_field) == 8 and 0 < (length := struct.unpack(">d", length_field)[0]) < 2**63:
         return int(length)
     at = int.from_bytes(head[5:9], "big") + 4
     while at < size:
@@ -120,20 +120,20 @@ def _tags(file: BinaryIO, size: int) -> int:
 
 
 def _objects(file: BinaryIO, size: int) -> int | None:
-    """Of ASF: the end of the last object that begins."""
+    """Length of an ASF file: the end of the last object that begins."""
     at = 0
     while at < size:
         file.seek(at)
         head = file.read(24)
         length = int.from_bytes(head[16:24], "little")
-        if len(head) == 24 and length < 24:  # of a broadcast
+        if len(head) == 24 and length < 24:  # as in a broadcast
             return None
         at += max(length, 24)
     return at
 
 
 def _keys(file: BinaryIO, size: int) -> int | None:
-    """Of MXF: the end of the last value that begins."""
+    """Length of an MXF file: the end of the last value that begins."""
     at = 0
     while at < size:
         file.seek(at)
@@ -154,4 +154,4 @@ MEASURES: dict[str, Callable[[BinaryIO, int], int | None]] = {
     "ASF": _objects,
     "MXF": _keys,
 }
-"""Of containers that say how long they are."""
+"""Functions that measure the declared length, by container."""

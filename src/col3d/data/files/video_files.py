@@ -1,4 +1,4 @@
-"""Files that hold many pictures: videos, animations, and the pages of a TIFF."""
+"""Sources of many pictures in one file: videos, animations, and multi-page TIFFs."""
 
 import warnings
 from collections.abc import Callable, Iterator
@@ -23,11 +23,11 @@ GIF_END = b";"
 class VideoFile(ImageSource):
     """The frames of a video file, as far as it can be decoded.
 
-    How many there are is known when the last has come: what a container says of it is the product of its
-    length and a rate, which need not be the same throughout.
+    The number of frames is known only after the last one: a container's count is the product of its length
+    and a rate, which need not be constant.
 
     Raises:
-        DataError: it cannot be opened, or not even its first frame decoded.
+        DataError: it cannot be opened, or not even its first frame can be decoded.
     """
 
     is_video = True
@@ -50,14 +50,14 @@ class VideoFile(ImageSource):
             why = f"the file is cut off: {missing} bytes are missing" if missing else why
             raise DataError(f"{path}: no frame of it can be decoded; {why}")
         if declared_length(path) is None:
-            what = container_of(path) or "file of this kind"
+            kind = container_of(path) or "file of this kind"
             self.notes = (
-                f"note: {path}: a {what} need not say how long it is, and this one does not: nothing tells "
+                f"note: {path}: a {kind} need not say how long it is, and this one does not: nothing tells "
                 "whether its end is missing",
             )
 
     def sizes(self) -> Iterator[tuple[int, int]]:
-        """The one of all frames."""
+        """Yield the size that all frames have."""
         yield self.size_hw
 
     def __iter__(self) -> Iterator[SourceImage]:
@@ -81,10 +81,10 @@ class Pictures(ImageSource):
     """The frames of a GIF, WebP or APNG, or the pages of a TIFF.
 
     Args:
-        path: of the file.
+        path: the file.
 
     Raises:
-        DataError: it is none of these, or cut off.
+        DataError: it is none of these formats, or cut off.
     """
 
     def __init__(self, path: Path) -> None:
@@ -101,7 +101,7 @@ class Pictures(ImageSource):
         self.fps = _rate(path) if self.is_video else None
 
     def sizes(self) -> Iterator[tuple[int, int]]:
-        """That of the first picture."""
+        """Yield the size of the first picture."""
         yield self.size_hw
 
     def __iter__(self) -> Iterator[SourceImage]:
@@ -109,7 +109,7 @@ class Pictures(ImageSource):
             pages = page_numbers(self.path)
             yield from self._shots(lambda number: read_rgb8(self.path, pages[number]))
         else:
-            with _opened(self.path) as image:  # once, for each frame is made of the one before
+            with _opened(self.path) as image:  # once: each frame is decoded from the one before
                 yield from self._shots(partial(self._frame, image))
 
     def _shots(self, read: Callable[[int], np.ndarray]) -> Iterator[SourceImage]:
@@ -129,7 +129,7 @@ class Pictures(ImageSource):
 
 
 def _why_not(path: Path) -> str:
-    """What is wrong with a file that begins as a video and is none; nothing where it does not."""
+    """Reason why a file that begins as a video cannot be opened; empty where it does not begin as one."""
     container = container_of(path)
     if not container:
         return ""
@@ -139,10 +139,10 @@ def _why_not(path: Path) -> str:
 
 
 def as_pictures(path: Path) -> Pictures | None:
-    """A file as `Pictures` if it holds several, or is a GIF; None of a photo.
+    """A file as `Pictures` if it is a GIF or holds several pictures; None if it is a photo.
 
     Raises:
-        DataError: it is none of the formats that are taken, or cut off.
+        DataError: its format is not supported, or it is cut off.
     """
     name = image_format(path)
     if name not in MOVING_FORMATS:
@@ -165,8 +165,8 @@ def _animation(path: Path) -> tuple[tuple[int, int], int]:
 
 
 def _rate(path: Path) -> float | None:
-    """Frames a second, as long as the first is shown."""
+    """Frames a second, by the time that the first frame is shown; None where it is not known."""
     with refusals(path), warnings.catch_warnings(action="ignore"), _opened(path) as image:
-        image.load()  # of a WebP nothing is known before
+        image.load()  # before this, nothing is known of a WebP
         milliseconds = float(image.info.get("duration", 0))
     return 1000 / milliseconds if milliseconds > 0 else None

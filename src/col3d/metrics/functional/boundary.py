@@ -1,4 +1,4 @@
-"""How well edges of depth, such as the rims of folds, are where they truly are."""
+"""Boundary F1: how well edges of predicted depth, such as rims of folds, match those of true depth."""
 
 import functools
 from collections.abc import Iterator
@@ -37,9 +37,9 @@ def boundary_f1(
         target: true depth; anything where masked.
         mask: True where a pixel counts.
         min_threshold: the least ratio of an edge.
-        max_threshold: the greatest.
-        thresholds: how many there are.
-        erosion: pixels by which the mask is made smaller: 2 is the square of 5 x 5 of EndoStreamDepth.
+        max_threshold: the greatest ratio of an edge.
+        thresholds: number of thresholds.
+        erosion: pixels by which the mask is eroded: 2 is the square of 5 x 5 of EndoStreamDepth.
 
     Returns:
         Values between 0 and 1, shape (b,), float64; NaN for a frame of which no pixel counts.
@@ -63,9 +63,7 @@ def _scores(
     counts = _eroded(mask, erosion)
     limits = torch.tensor(steps, dtype=torch.float64, device=preds.device)
     shares = [_shares(guess, truth, limits) for guess, truth in _ratios(preds, target, counts)]
-    recall, precision = (
-        torch.stack(of_directions).mean(dim=0) for of_directions in zip(*shares, strict=True)
-    )
+    recall, precision = (torch.stack(directions).mean(dim=0) for directions in zip(*shares, strict=True))
     both = recall + precision
     f1 = torch.where(both > 0, 2 * recall * precision / both, 0.0)
     score = (limits * f1).sum(dim=1) / limits.sum()
@@ -94,14 +92,14 @@ def _ratios(preds: Tensor, target: Tensor, mask: Tensor) -> Iterator[tuple[Tenso
 
 def _shares(guess: Tensor, truth: Tensor, limits: Tensor) -> tuple[Tensor, Tensor]:
     """Recall and precision of the edges of one direction, (b, number of thresholds)."""
-    hits, found, there = (_above(r, limits) for r in (torch.minimum(guess, truth), guess, truth))
-    return hits / there.clamp_min(1), hits / found.clamp_min(1)
+    hits, predicted, true = (_above(r, limits) for r in (torch.minimum(guess, truth), guess, truth))
+    return hits / true.clamp_min(1), hits / predicted.clamp_min(1)
 
 
 def _above(ratios: Tensor, limits: Tensor) -> Tensor:
-    """How many ratios of each frame exceed each limit: few do the least, and only those are sorted."""
+    """Number of ratios of each frame above each limit: few exceed the least, and only those are sorted."""
     frame, *_ = places = (ratios > limits[0]).nonzero(as_tuple=True)
-    levels = torch.bucketize(ratios[places], limits)  # how many limits are below
+    levels = torch.bucketize(ratios[places], limits)  # the number of limits below
     size = len(limits) + 1
     counts = torch.bincount(frame * size + levels, minlength=len(ratios) * size).view(-1, size)
     return counts.flip(1).cumsum(dim=1).flip(1)[:, 1:].double()

@@ -31,8 +31,8 @@ def depth_metrics(
         preds: predicted depth in mm.
         target: true depth in mm; anything where masked.
         mask: True where a pixel counts.
-        min_depth: predictions are raised to this, so that their logarithm exists.
-        max_depth: predictions are cut to this.
+        min_depth: lower bound that predictions are clipped to, so that their logarithm exists.
+        max_depth: upper bound that predictions are clipped to.
 
     Returns:
         Values by name, shape (b,); NaN for a frame of which no pixel counts.
@@ -63,7 +63,7 @@ def depth_errors(
 def _errors(
     min_depth: float, max_depth: float, further: bool, preds: Tensor, target: Tensor, mask: Tensor
 ) -> dict[str, Tensor]:
-    """Pixels that do not count are put to 1 mm in both, which adds nothing to any sum but those of shares."""
+    """Pixels that do not count are set to 1 mm in both, which changes no sum but those of shares."""
     count = mask.sum(dim=(1, 2, 3), dtype=torch.float64)
     others = mask[0].numel() - count
 

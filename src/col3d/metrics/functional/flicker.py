@@ -1,4 +1,4 @@
-"""How unsteady depth is from frame to frame, without any truth."""
+"""Temporal flicker: unsteadiness of depth from frame to frame, without ground truth."""
 
 import torch
 from jaxtyping import Bool, Float
@@ -11,7 +11,7 @@ def temporal_flicker(
     after: Float[Tensor, "b 1 h w"],
     mask: Bool[Tensor, "b 1 h w"] | None = None,
 ) -> Float[Tensor, " b"]:
-    """Percent by which the depth of frames stands out from the geometric mean of its two neighbours in time.
+    """Percent by which depth deviates from the geometric mean of its two neighbours in time.
 
     100 times the median over pixels of |log d_t - (log d_{t-1} + log d_{t+1}) / 2|: zero for a camera that
     stands still, and for a depth that grows or shrinks everywhere by a steady factor. True depth of a moving
@@ -19,8 +19,8 @@ def temporal_flicker(
 
     Args:
         before: depth of the previous frames, above 0, in any unit.
-        now: of the frames themselves.
-        after: of the next.
+        now: depth of the frames themselves.
+        after: depth of the next frames.
         mask: pixels that count; all when absent.
 
     Returns:

@@ -66,21 +66,21 @@ def _errors(
     def shares(limits: Mapping[str, float]) -> dict[str, Tensor]:
         return {name: (mask & (angles < limit)).sum(dim=(1, 2, 3)) / count for name, limit in limits.items()}
 
-    found = {"angle_mean": mean(angles), "angle_median": _median(angles, mask), **shares(LIMITS)}
+    errors = {"angle_mean": mean(angles), "angle_median": _median(angles, mask), **shares(LIMITS)}
     if further:
-        found |= {"angle_rmse": mean(angles.double().square()).sqrt(), **shares(FURTHER_LIMITS)}
-    return found
+        errors |= {"angle_rmse": mean(angles.double().square()).sqrt(), **shares(FURTHER_LIMITS)}
+    return errors
 
 
 def _median(values: Tensor, mask: Tensor) -> Tensor:
     """Middle value of each frame, the mean of the two middle ones of an even number; NaN for none."""
     medians = values.new_full((len(values),), torch.nan, dtype=torch.float64)
-    for i, (of_frame, counts) in enumerate(zip(values, mask, strict=True)):
-        if len(counting := of_frame[counts]):
+    for i, (frame_values, counts) in enumerate(zip(values, mask, strict=True)):
+        if len(counting := frame_values[counts]):
             lower = counting.median()
             above = counting > lower
             upper = torch.where(above, counting, torch.inf).min()
-            medians_differ = 2 * above.sum() >= len(counting)  # never of an odd number, or where it is NaN
+            medians_differ = 2 * above.sum() >= len(counting)  # never for an odd count, or where it is NaN
             upper = torch.where(medians_differ, upper, lower)
             medians[i] = (lower.double() + upper.double()) / 2
     return medians

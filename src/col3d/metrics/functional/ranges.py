@@ -28,8 +28,8 @@ def range_errors(
         preds: predicted depth in mm.
         target: true depth in mm; anything where masked.
         mask: True where a pixel counts.
-        min_depth: predictions are raised to this.
-        max_depth: predictions are cut to this.
+        min_depth: lower bound that predictions are clipped to.
+        max_depth: upper bound that predictions are clipped to.
 
     Returns:
         `near_abs_rel` and so on, shape (b,), float64; NaN for a frame without a pixel in the range.
@@ -52,7 +52,9 @@ def _errors(
     maps = {"abs_rel": gap / truth, "rmse": gap.square(), "mae": gap, "delta1": close.double()}
     inside = [mask & (target >= low) & (target < high) for low, high in RANGES.values()]
     parts = torch.cat(inside, dim=1).flatten(2).double()
-    sums = torch.cat([*maps.values()], dim=1).flatten(2) @ parts.mT  # of each frame, by metric and range
+    sums = torch.cat([*maps.values()], dim=1).flatten(2) @ parts.mT  # for each frame, by metric and range
     means = sums / parts.sum(dim=2)[:, None]
-    found = {f"{part}_{name}": means[:, i, j] for j, part in enumerate(RANGES) for i, name in enumerate(maps)}
-    return {name: mean.sqrt() if name.endswith("_rmse") else mean for name, mean in found.items()}
+    values = {
+        f"{part}_{name}": means[:, i, j] for j, part in enumerate(RANGES) for i, name in enumerate(maps)
+    }
+    return {name: mean.sqrt() if name.endswith("_rmse") else mean for name, mean in values.items()}

@@ -1,4 +1,4 @@
-"""Weights that the authors' programs saved, loaded into the networks of this package."""
+"""Load weights that the authors' programs saved into the networks of this package."""
 
 import re
 from collections.abc import Mapping
@@ -33,9 +33,9 @@ SOURCES: dict[str, Source] = {
     "monodepth_fpn": MONODEPTH_FPN_WEIGHTS,
 }
 OURS = "network."
-"""What names start with in checkpoints of this package's trainings."""
+"""Prefix of names in checkpoints of this package's trainings."""
 NUMPY_RECONSTRUCT, NUMPY_SCALAR = (value.__reduce__()[0] for value in (np.zeros(1), np.float64(0)))
-"""What pickles of arrays and of their numbers call."""
+"""Functions that pickles of arrays and of their scalars call."""
 NUMPY_ARRAYS: list[Any] = [
     (NUMPY_RECONSTRUCT, "numpy.core.multiarray._reconstruct"),
     (NUMPY_RECONSTRUCT, "numpy._core.multiarray._reconstruct"),
@@ -45,7 +45,7 @@ NUMPY_ARRAYS: list[Any] = [
     np.dtype,
     *{type(np.dtype(kind)) for kind in ("bool", "int32", "int64", "float32", "float64")},
 ]
-"""Plain arrays, which the authors' programs keep beside their weights; without code in them."""
+"""Safe globals of plain arrays, which the authors' programs store beside their weights."""
 
 
 def load_published(
@@ -53,7 +53,7 @@ def load_published(
     state_dict: Mapping[str, Any],
     max_depth: float = 100.0,
 ) -> DepthNetwork:
-    """A network with the authors' weights, in evaluation mode; its prediction is in standard units.
+    """Build a network with the authors' weights, in evaluation mode; it predicts in standard units.
 
     Encoder and width follow from the shapes of the tensors.
 
@@ -62,13 +62,13 @@ def load_published(
         state_dict: names to tensors, bare or under "model" or "state_dict", with or without "module."
             before each name. Integer tensors may be missing. A checkpoint of this package's training of
             that network serves as well.
-        max_depth: the maximum depth it was trained with, in mm.
+        max_depth: the maximum depth that it was trained with, in mm.
 
     Returns:
-        The network. `skipped_names` lists the tensors on which no output depends, and which were left out.
+        The network. `skipped_names` lists the tensors that were left out because no output depends on them.
 
     Raises:
-        ValueError: the source is unknown, or the weights are not all of that network's or more than those.
+        ValueError: the source is unknown, or weights are missing, foreign or of other shapes.
     """
     known = SOURCES[check_known("source", source, SOURCES)]
     if max_depth <= 0:
@@ -91,7 +91,7 @@ def load_published(
 
 
 def read_weights(path: Path) -> dict[str, Any]:
-    """What a file of `torch.save` holds, opened as tensors and plain values only.
+    """Read a file of `torch.save` that holds only tensors and plain values.
 
     Raises:
         ValueError: there is no such file, or it holds anything else.
@@ -116,7 +116,7 @@ def read_weights(path: Path) -> dict[str, Any]:
 
 
 def _load_ours(source: str, tensors: dict[str, Tensor], checkpoint: Mapping[str, Any]) -> DepthNetwork:
-    """A checkpoint of this package: its own options say what to build."""
+    """Load a checkpoint of this package, whose own options determine the network."""
     try:
         model = dict(checkpoint["hyper_parameters"]["options"]["model"]) | {"pretrained": None}
         network = create(**{k: v for k, v in model.items() if k not in ("freeze", "unfreeze_at")})
@@ -132,10 +132,10 @@ def _load_ours(source: str, tensors: dict[str, Tensor], checkpoint: Mapping[str,
 
 
 def tensors_of(state_dict: Any) -> dict[str, Tensor]:
-    """The tensors of what a program saved, out of the wrappers that programs put around them.
+    """The tensors of a saved state dict, without the wrappers that programs put around them.
 
     Raises:
-        ValueError: it is none.
+        ValueError: it holds no tensors by name.
     """
     if not isinstance(state_dict, Mapping):
         raise ValueError(f"state_dict: must map names to tensors, got a {type(state_dict).__name__}")
@@ -161,8 +161,8 @@ def _check_method(source: str, tensors: Mapping[str, Tensor]) -> None:
     if marked(SOURCES[source]):
         return
     others = [name for name, known in SOURCES.items() if marked(known)]
-    what = f"these are of {' or '.join(others)}" if others else f"it has {_some(list(tensors))}"
-    raise ValueError(f"state_dict: must hold weights of {source}; {what}")
+    actual = f"these are of {' or '.join(others)}" if others else f"it has {_some(list(tensors))}"
+    raise ValueError(f"state_dict: must hold weights of {source}; {actual}")
 
 
 def _fill(network: DepthNetwork, given: dict[str, Tensor], spelled: Mapping[str, str]) -> None:

@@ -1,4 +1,4 @@
-"""Names of BTS's and Col3D-MTL's published tensors, in this package's terms."""
+"""Map names of BTS's and Col3D-MTL's published tensors to this package's."""
 
 import re
 from collections.abc import Mapping
@@ -62,13 +62,13 @@ ATTENTION: Rules = {
 }
 CLASSIFIER = r"^encoder\.base_model\.fc\."
 CROSS_HEADS = r"_d2n\.|_n2d\."
-"""Heads that the program makes for its cross-task loss, and leaves unused."""
+"""Heads that the program makes for its cross-task loss but does not use."""
 UNUSED = rf"{CLASSIFIER}|\.n[123]_conv\.|\.conv1_concat\.|{CROSS_HEADS}"
 COL3D: Rules = ENCODER | TRUNK | DECODERS | ATTENTION
 
 
 def _sizes(tensors: Mapping[str, Tensor]) -> dict[str, Any]:
-    """Encoder and width F, from the shapes."""
+    """Encoder and width F, from the shapes of tensors."""
     return {
         "encoder": resnet_name(tensors, r"^encoder\.base_model\."),
         "width": channels_of(tensors, r"\.upconv5\.conv\.weight$"),
@@ -93,7 +93,7 @@ BTS_WEIGHTS = Source(
 BTS_CBAM_WEIGHTS = Source(
     BTSCBAM, COL3D, rf"^normal_decoder\.|{UNUSED}", r"^depth_decoder\.ca1\.", CROSS_HEADS, _published
 )
-"""The program keeps a decoder of normals here too, unused: by name these are the tensors of BTS-CBAM-MTL."""
+"""The program has an unused decoder of normals here, too: the names are those of BTS-CBAM-MTL."""
 BTS_CBAM_MTL_WEIGHTS = Source(
     Col3DMTL, COL3D, UNUSED, r"^depth_decoder\.ca1\.", CROSS_HEADS, _published, _drop_unused_distances
 )

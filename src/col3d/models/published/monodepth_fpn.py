@@ -1,4 +1,4 @@
-"""Names of the public MonoDepth-FPN's tensors, in this package's terms."""
+"""Map names of the public MonoDepth-FPN's tensors to this package's."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -28,12 +28,12 @@ RULES: Rules = {
     r"^predict1\.": "depth_decoder.fuse.",
     r"^predict2\.0\.": "depth_decoder.head.",
 }
-UNUSED = r"(?!)"  # fits no name: every layer of the program acts on its depth
+UNUSED = r"(?!)"  # matches no name: every layer of the program affects its depth
 MARK = r"^latlayer1\."
 
 
 def options(tensors: Mapping[str, Tensor]) -> dict[str, Any]:
-    """What `MonoDepthFPN` has to be built with: encoder, and width from the channels of the pyramid.
+    """Options to build `MonoDepthFPN` with: encoder, and width from the channels of the pyramid.
 
     Raises:
         ValueError: the encoder is no ResNet, or there is no pyramid.

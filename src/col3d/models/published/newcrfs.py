@@ -1,8 +1,8 @@
-"""Names of NeWCRFs's published tensors, in this package's terms.
+"""Map names of NeWCRFs's published tensors to this package's.
 
-The authors' program asks mmcv for group norm of 256 groups on all four pooled maps (it replaces the setting
-at the first one, and the others inherit it), and mmcv names such norms `gn`. Where they are named `bn` and
-come with running statistics, the program ran with another ConvModule than mmcv's, whose norms are batch
+The authors' program sets mmcv's group norm of 256 groups on all four pooled maps (it replaces the setting at
+the first one, and the others inherit it), and mmcv names such norms `gn`. Where they are named `bn` and come
+with running statistics, the program ran with another ConvModule than mmcv's, whose norms are batch
 norms: another function, but the one that those weights belong to. So the names decide.
 """
 
@@ -41,12 +41,12 @@ MARK = r"^crf3\."
 
 
 def options(tensors: Mapping[str, Tensor]) -> dict[str, Any]:
-    """What `NeWCRFs` has to be built with: encoder, width and the pyramid's norm.
+    """Options to build `NeWCRFs` with: encoder, width and the pyramid's norm.
 
     Raises:
         ValueError: the encoder is no Swin that is known.
     """
-    of_stages = [
+    stage_blocks = [
         {
             match[1]
             for name in tensors
@@ -54,7 +54,7 @@ def options(tensors: Mapping[str, Tensor]) -> dict[str, Any]:
         }
         for stage in range(4)
     ]
-    size = (channels_of(tensors, r"^backbone\.patch_embed\.proj\.weight$"), tuple(map(len, of_stages)))
+    size = (channels_of(tensors, r"^backbone\.patch_embed\.proj\.weight$"), tuple(map(len, stage_blocks)))
     return {
         "encoder": _swin_name(*size),
         "width": channels_of(tensors, r"^decoder\.bottleneck\.conv\.weight$"),

@@ -1,4 +1,4 @@
-"""Whose weights a file holds, as an option."""
+"""Option type: the program that saved a file of published weights."""
 
 from typing import TYPE_CHECKING, Literal
 

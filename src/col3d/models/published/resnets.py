@@ -1,4 +1,4 @@
-"""Which ResNet a set of tensors belongs to."""
+"""Recognise the ResNet that a set of tensors belongs to."""
 
 import re
 from collections.abc import Mapping
@@ -20,14 +20,16 @@ def resnet_name(tensors: Mapping[str, Tensor], prefix: str) -> str:
 
     Args:
         tensors: names to tensors.
-        prefix: pattern of what stands before torchvision's names.
+        prefix: regular expression of what comes before torchvision's names.
 
     Raises:
         ValueError: there is no such ResNet among them.
     """
     inner = [re.sub(prefix, "", name) for name in tensors if re.search(prefix, name)]
-    found = {(match[1], match[2]) for name in inner if (match := re.match(r"layer(\d)\.(\d+)\.conv", name))}
-    blocks = [len({block for stage, block in found if stage == str(s)}) for s in (1, 2, 3, 4)]
+    stage_blocks = {
+        (match[1], match[2]) for name in inner if (match := re.match(r"layer(\d)\.(\d+)\.conv", name))
+    }
+    blocks = [len({block for stage, block in stage_blocks if stage == str(s)}) for s in (1, 2, 3, 4)]
     key = (blocks[0], blocks[1], blocks[2], blocks[3], "layer1.0.conv3.weight" in inner)
     if key not in RESNETS:
         raise ValueError(

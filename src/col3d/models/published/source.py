@@ -1,4 +1,4 @@
-"""What is known of one published program's weights."""
+"""Description of a published program's weights."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -10,32 +10,32 @@ from torch import Tensor
 from col3d.layers.network import DepthNetwork
 
 Rules = dict[str, str]
-"""Patterns over a name, in order, and what replaces them."""
+"""Patterns in a name -> their replacements, applied in order."""
 
 
 @dataclass(frozen=True)
 class Source:
-    """One published program: its network, and how its tensors turn to ours."""
+    """One published program: its network, and how its tensors are converted to ours."""
 
     network: Callable[..., DepthNetwork]
     rules: Rules
-    """From published names to this package's."""
+    """Rules from published names to this package's."""
     unused: str
     """Pattern of the tensors on which no output depends."""
     mark: str
     """Pattern of a name that only this program's weights have."""
     foreign: str | None
-    """Pattern of names that its weights never have, where another program's have the mark too."""
+    """Pattern of names that its weights never have, where another program's weights also have the mark."""
     options: Callable[[Mapping[str, Tensor]], dict[str, Any]]
-    """Published tensors -> what the network has to be built with."""
+    """Published tensors -> options to build the network with."""
     adapt: Callable[[dict[str, Tensor]], list[str]] = lambda tensors: []
-    """Changes renamed tensors in place, and names those that it cut."""
+    """Changes renamed tensors in place, and returns the names of those that it cut."""
     normalised: bool = True
     """Whether the program normalises images with ImageNet's mean; else they are RGB in [0, 1] as they are."""
 
 
 def our_name(name: str, rules: Rules) -> str:
-    """A published name in this package's terms.
+    """Convert a published name to this package's.
 
     >>> our_name("decoder.bn5.weight", {r"^decoder.bn5": "trunk.up16.norm"})
     'trunk.up16.norm.weight'

@@ -40,25 +40,25 @@ DRAW: dict[str, tuple[str, Callable[[FigureData, Path], Figure]]] = {
 """Name of a figure and of its file -> its title, and what draws it; in the order of a report."""
 
 
-def draw_all(found: Found, out: Path, truth: Path | None) -> list[Figure]:
+def draw_all(collected: Found, out: Path, truth: Path | None) -> list[Figure]:
     """The figures that runs allow; `draw` also says why others are left out."""
-    return list(draw(found, out, truth).figures)
+    return list(draw(collected, out, truth).figures)
 
 
-def draw(found: Found, out: Path, truth: Path | None) -> Drawn:
+def draw(collected: Found, out: Path, truth: Path | None) -> Drawn:
     """Draw every figure that runs allow.
 
     Args:
-        found: the runs.
-        out: folder of the PNG files; made where it is not there, figures of before are replaced.
+        collected: the runs.
+        out: folder of the PNG files; it is made if needed, and existing figures are replaced.
         truth: folder that `col3d.evaluation.stored_truth.keep_truth` wrote, where there is one.
 
     Returns:
         The figures in the order of a report, and for each that is left out a line that says why.
     """
-    if not found.runs:
+    if not collected.runs:
         return Drawn((), ("figures: there is no run",))
-    material = figure_data_of(found, truth)
+    material = figure_data_of(collected, truth)
     out.mkdir(parents=True, exist_ok=True)
     figures, left_out = [], []
     for title, draw_one in DRAW.values():

@@ -1,4 +1,4 @@
-"""Errors of the rows of the ablation on the same frames."""
+"""Figure of the errors of the ablation's rows on the same frames."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,7 +16,7 @@ TITLE = "Errors of the ablation"
 
 
 def draw(material: FigureData, out: Path) -> Figure:
-    """Draw it.
+    """Draw the figure and write it as a PNG file.
 
     Raises:
         MissingError: truth or predictions are not there, or there is nothing to compare.
@@ -60,7 +60,7 @@ def _sheet(
 
 def _scales(maps: Maps) -> dict[str, Scale | None]:
     scales: dict[str, Scale | None] = {"error": errors_up_to(maps.errors)}
-    if maps.angles:  # then there is a second row, with room for the truth
+    if maps.angles:  # normals take a second row, which has room for the truth
         scales["depth"] = range_of(maps.depths)
         scales["angle"] = errors_up_to(maps.angles)
     return scales

@@ -20,15 +20,15 @@ def quartiles(values: np.ndarray, against: np.ndarray, edges: np.ndarray, fewest
     """Quartiles of `values` in bins of `against`, by linear interpolation.
 
     Args:
-        values: one a pixel.
-        against: what is binned; bin i holds edges[i] <= x < edges[i + 1].
+        values: one value a pixel.
+        against: quantity that is binned; bin i holds edges[i] <= x < edges[i + 1].
         edges: ascending, one more than bins.
-        fewest: values that a bin needs.
+        fewest: smallest number of values that a bin needs.
     """
     order = np.argsort(against, kind="stable")
     cuts = np.searchsorted(against[order], edges)
     parts = [values[order[low:high]] for low, high in pairwise(cuts)]
     nothing = np.full(3, np.nan)
-    found = [np.quantile(part, [0.25, 0.5, 0.75]) if len(part) >= fewest else nothing for part in parts]
-    lower, median, upper = np.array(found).T
+    rows = [np.quantile(part, [0.25, 0.5, 0.75]) if len(part) >= fewest else nothing for part in parts]
+    lower, median, upper = np.array(rows).T
     return Quartiles(lower, median, upper, np.diff(cuts))

@@ -1,4 +1,4 @@
-"""Sentences of captions: which data and protocol, whose predictions, how frames were chosen."""
+"""Sentences of captions: data and protocol, seeds of predictions, choice of frames."""
 
 from collections.abc import Iterable, Sequence
 
@@ -12,37 +12,37 @@ NORMALS = "Normals are in the colours of the ball: red to the right, green up, b
 
 
 def about(group: Group) -> str:
-    """The setting, and that a phantom is one."""
-    said = f"Data: {group.setting}."
-    return f"{said} {PHANTOM}" if group.setting.data == "phantom" else said
+    """Sentence on the setting, with the note on phantoms where the data are one."""
+    text = f"Data: {group.setting}."
+    return f"{text} {PHANTOM}" if group.setting.data == "phantom" else text
 
 
 def about_training(group: Group) -> str:
-    """The data of trainings, and that a phantom is one."""
+    """Sentence on the data of trainings, with the note on phantoms where the data are one."""
     setting = group.setting
-    said = f"Data: {setting.data}, split {setting.split}, size {setting.size}."
-    return f"{said} {PHANTOM}" if setting.data == "phantom" else said
+    text = f"Data: {setting.data}, split {setting.split}, size {setting.size}."
+    return f"{text} {PHANTOM}" if setting.data == "phantom" else text
 
 
 def about_maps(group: Group, shown: Sequence[Method]) -> str:
-    """What every caption of predicted maps ends with: no scaling, colours, whose predictions, which data."""
+    """Last sentences of captions of predicted maps: scaling, colours, seeds, missing methods, data."""
     return sentences(UNSCALED, COLOURS, seeds(shown), missing(shown, group.methods), about(group))
 
 
 def seeds(methods: Sequence[Method]) -> str:
-    """Which run of each method is drawn."""
+    """Sentence on the seed of the run that is drawn of each method."""
     by_seed: dict[int, list[str]] = {}
     for method in methods:
         by_seed.setdefault(int(method.shown.summary["seed"]), []).append(method.label)
     if len(by_seed) == 1:
         return f"Predictions of seed {next(iter(by_seed))}."
     return (
-        "Predictions of " + "; ".join(f"seed {s}: {', '.join(of_it)}" for s, of_it in by_seed.items()) + "."
+        "Predictions of " + "; ".join(f"seed {s}: {', '.join(labels)}" for s, labels in by_seed.items()) + "."
     )
 
 
 def repeats(methods: Sequence[Method]) -> str:
-    """How many seeds are pooled."""
+    """Sentence on how many seeds are pooled."""
     counts = {method.label: len(method.runs) for method in methods}
     if len(set(counts.values())) == 1:
         number = next(iter(counts.values()))
@@ -51,7 +51,7 @@ def repeats(methods: Sequence[Method]) -> str:
 
 
 def missing(shown: Iterable[Method], all_of_them: Iterable[Method]) -> str:
-    """Which methods of a table are not in the figure."""
+    """Sentence on the methods of a table that are not in the figure."""
     labels = {method.label for method in shown}
     absent = [method.label for method in all_of_them if method.label not in labels]
     return f"Not shown: {', '.join(absent)}." if absent else ""
@@ -63,5 +63,5 @@ def with_direction(spec: MetricSpec) -> str:
 
 
 def sentences(*parts: str) -> str:
-    """A caption of those that are not empty."""
+    """Join the sentences of a caption that are not empty."""
     return " ".join(part for part in parts if part)

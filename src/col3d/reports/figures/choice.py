@@ -1,4 +1,4 @@
-"""Which frames pictures show: chosen by rule, and said in the caption."""
+"""Choose by rule the frames that figures show."""
 
 import numpy as np
 
@@ -34,7 +34,7 @@ def best_average_worst(run: Run) -> dict[Frame, str]:
 
 
 def one_a_segment(run: Run) -> dict[Frame, str]:
-    """The middle one of each segment's frames, in the order of videos and frames, by segment.
+    """The middle one of each segment's frames, in the order of videos and frames.
 
     Segments are in the order in which the paper prints them; a data set without segments is taken as one.
     """

@@ -1,4 +1,4 @@
-"""What the data look like: a frame of each segment with its truth."""
+"""Figure of the data: a frame of each segment with its truth."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -21,7 +21,7 @@ CIRCLES = (20, 40, 60, 80)
 
 
 def draw(material: FigureData, out: Path) -> Figure:
-    """Draw it.
+    """Draw the figure and write it as a PNG file.
 
     Raises:
         MissingError: the truth is not there.

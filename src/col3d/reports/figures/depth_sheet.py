@@ -1,4 +1,4 @@
-"""Frames by methods: predicted depth, and its errors below."""
+"""Sheet of frames by methods: predicted depth, and its errors below."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -13,13 +13,13 @@ from col3d.reports.figures.sheet import Sheet, errors_up_to, range_of
 def draw_depth(
     path: Path, truth: StoredPredictions, methods: Sequence[Method], chosen: Mapping[Frame, str]
 ) -> None:
-    """Two rows a frame: the image and predictions; below, true depth and the errors.
+    """Draw two rows a frame: the image and predictions; below, true depth and the errors.
 
     Args:
-        path: of the PNG file.
-        truth: of the frames.
-        methods: a column each.
-        chosen: frame -> what it was chosen as.
+        path: PNG file to write.
+        truth: stored truth of the frames.
+        methods: one for each column.
+        chosen: frame -> why it was chosen, for its title.
 
     Raises:
         MissingError: a map is not kept.

@@ -1,4 +1,4 @@
-"""Where errors are: by true depth, and by the angle off the optical axis."""
+"""Figure of errors by true depth, and by the angle off the optical axis."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,9 +17,9 @@ from col3d.reports.figures.plots import WIDTH, legend, plain
 
 TITLE = "Errors by depth and by angle"
 FRAMES = 100
-"""How many are read at most: they are evenly spaced, so that a large test part does not take hours."""
+"""Most frames that are read, evenly spaced, so that a large test part does not take hours."""
 SMALLEST_SHARE = 0.001
-"""Of all pixels, in a bin that is drawn."""
+"""Smallest share of all pixels in a bin that is drawn."""
 BINS = {
     "depth": (5.0, "true depth in mm"),
     "off_axis": (5.0, "angle between ray and optical axis in degrees"),
@@ -34,13 +34,13 @@ class Pixels:
     values: Mapping[str, np.ndarray]
 
     def edges(self, against: str) -> np.ndarray:
-        """Bins that hold all pixels."""
+        """Edges of bins that cover all pixels."""
         width = BINS[against][0]
         low, high = self.values[against].min(), self.values[against].max()
         return np.arange(np.floor(low / width), np.floor(high / width) + 2) * width
 
     def curve(self, error: str, against: str) -> tuple[np.ndarray, Quartiles]:
-        """Middles of bins and quartiles in them."""
+        """Middles of bins, and quartiles of the errors in them."""
         edges = self.edges(against)
         fewest = max(1, int(np.ceil(SMALLEST_SHARE * len(self.values[error]))))
         return (edges[:-1] + edges[1:]) / 2, quartiles(
@@ -49,7 +49,7 @@ class Pixels:
 
 
 def draw(material: FigureData, out: Path) -> Figure:
-    """Draw it.
+    """Draw the figure and write it as a PNG file.
 
     Raises:
         MissingError: truth or predictions are not there.
@@ -100,14 +100,14 @@ def read_pixels(truth: StoredPredictions, method: Method, frames: Sequence[Frame
         parts["absolute"].append(read_guess(method, frame, known).error[known.mask])
         if off_axis is not None:
             parts["off_axis"].append(off_axis[known.mask])
-    values = {name: np.concatenate(of_it) for name, of_it in parts.items()}
+    values = {name: np.concatenate(arrays) for name, arrays in parts.items()}
     if len(values["depth"]) == 0:
         raise MissingError("no pixel of the truth counts")
     return Pixels({**values, "relative": values["absolute"] / values["depth"]})
 
 
 def _has_angles(pixels: Mapping[str, Pixels]) -> bool:
-    return all("off_axis" in of_it.values for of_it in pixels.values())
+    return all("off_axis" in measured.values for measured in pixels.values())
 
 
 def _draw(path: Path, methods: Sequence[Method], pixels: Mapping[str, Pixels]) -> None:
@@ -124,7 +124,7 @@ def _draw(path: Path, methods: Sequence[Method], pixels: Mapping[str, Pixels]) -
     save(canvas, path)
 
 
-def _curve(axis: Axes, method: Method, middles: np.ndarray, found: Quartiles) -> None:
+def _curve(axis: Axes, method: Method, middles: np.ndarray, bands: Quartiles) -> None:
     style = method.style
-    axis.plot(middles, found.median, style.dash, color=style.colour, lw=2, marker="o", markersize=3)
-    axis.fill_between(middles, found.lower, found.upper, color=style.colour, alpha=0.12, lw=0)
+    axis.plot(middles, bands.median, style.dash, color=style.colour, lw=2, marker="o", markersize=3)
+    axis.fill_between(middles, bands.lower, bands.upper, color=style.colour, alpha=0.12, lw=0)

@@ -1,4 +1,4 @@
-"""A drawn figure, why another could not be drawn, and how one is saved."""
+"""Drawn figures, errors for those that cannot be drawn, and saving as PNG."""
 
 import io
 from collections.abc import Iterator
@@ -15,9 +15,9 @@ from col3d.io.atomic import write_whole
 
 LARGEST_FILE = 400_000
 RESOLUTIONS = (100, 90, 80)
-"""Pixels an inch; below the last, words could not be read."""
+"""Pixels an inch, tried in turn; below the last, words could not be read."""
 STEPS = (1, 5)
-"""Of 255, to which colours are rounded: a divisor, that white stays white."""
+"""Steps that colours are rounded to, tried in turn: divisors of 255, so that white stays white."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Figure:
 
     Attributes:
         caption: can be read alone: what is shown, of which data, and how frames were chosen.
-        path: of a PNG file.
+        path: PNG file.
     """
 
     title: str
@@ -36,25 +36,25 @@ class Figure:
 
 @dataclass(frozen=True)
 class Drawn:
-    """Figures, and a line for each one that is left out."""
+    """Drawn figures, and a line for each one that is left out."""
 
     figures: tuple[Figure, ...]
     left_out: tuple[str, ...]
 
 
 class MissingError(Exception):
-    """Why a figure cannot be drawn, as a clause without a full stop."""
+    """Reason why a figure cannot be drawn, as a clause without a full stop."""
 
 
 def blank(width: float, height: float, layout: Literal["constrained"] | None = "constrained") -> Canvas:
-    """A canvas of a size in inches that is drawn without a screen."""
+    """A canvas of a size in inches, drawn without a display."""
     canvas = Canvas(figsize=(width, height), layout=layout)
     FigureCanvasAgg(canvas)
     return canvas
 
 
 def save(canvas: Canvas, path: Path) -> None:
-    """Save as PNG in one step; what is over 400 kB gets coarser colours, then fewer pixels, within limits."""
+    """Save as PNG in one step; above 400 kB colours are made coarser, then pixels fewer, within limits."""
     for content in _attempts(canvas):
         if len(content) <= LARGEST_FILE:
             break
@@ -62,7 +62,7 @@ def save(canvas: Canvas, path: Path) -> None:
 
 
 def _attempts(canvas: Canvas) -> Iterator[bytes]:
-    """Files, each smaller than the one before."""
+    """PNG files, each smaller than the one before."""
     for dpi in RESOLUTIONS:
         pixels = _pixels(canvas, dpi)
         for step in STEPS:
@@ -76,7 +76,7 @@ def _pixels(canvas: Canvas, dpi: int) -> np.ndarray:
 
 
 def _png(pixels: np.ndarray, step: int) -> bytes:
-    """Each channel rounded to a multiple of the step, which noise in maps compresses by half."""
+    """PNG with each channel rounded to a multiple of the step, which halves the size of noisy maps."""
     content = io.BytesIO()
     rounded = (np.round(pixels / step) * step).clip(0, 255).astype(np.uint8)
     Image.fromarray(rounded).save(content, format="png", optimize=True)

@@ -1,4 +1,4 @@
-"""What figures are made of: the methods to compare, their predictions, and the truth."""
+"""Data of figures: the methods to compare, their predictions, and the truth."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,12 +15,12 @@ from col3d.reports.runs import Found, Run
 from col3d.reports.setting import Setting
 
 IN_PICTURES, IN_PLOTS = 5, 8
-"""How many methods stand in one figure."""
+"""Most methods in one figure."""
 
 
 @dataclass(frozen=True)
 class Method:
-    """A row of a table and how it looks."""
+    """A row of a table, and the style in which it is drawn."""
 
     label: str
     runs: tuple[Run, ...]
@@ -32,7 +32,7 @@ class Method:
         return next(filter(has_predictions, self.runs), self.runs[0])
 
     def mean(self, metric: str) -> float:
-        """Over the frames of all seeds that have a value; NaN where none has."""
+        """Mean of a metric over the frames of all seeds that have a value; NaN where none has."""
         values = np.concatenate([run.values(metric) for run in self.runs])
         values = values[np.isfinite(values)]
         return float(values.mean()) if len(values) else float("nan")
@@ -43,7 +43,7 @@ class Group:
     """Methods that were scored in one setting.
 
     Attributes:
-        title: of their table.
+        title: title of their table.
     """
 
     title: str
@@ -51,7 +51,7 @@ class Group:
     methods: tuple[Method, ...]
 
     def with_predictions(self) -> tuple[Method, ...]:
-        """Those whose maps can be drawn.
+        """The methods whose maps can be drawn.
 
         Raises:
             MissingError: there is none.
@@ -71,7 +71,7 @@ class Group:
 
 @dataclass(frozen=True)
 class FigureData:
-    """All that figures draw.
+    """Data of all figures.
 
     Attributes:
         main: the benchmark, or where there is none to compare, all methods in the setting of the first table.
@@ -84,7 +84,7 @@ class FigureData:
     truth: StoredPredictions | None
 
     def known_truth(self) -> StoredPredictions:
-        """The truth.
+        """The stored truth.
 
         Raises:
             MissingError: it is not kept.
@@ -94,9 +94,9 @@ class FigureData:
         return self.truth
 
 
-def figure_data_of(found: Found, truth: Path | None) -> FigureData:
+def figure_data_of(collected: Found, truth: Path | None) -> FigureData:
     """Group runs as tables do and open the truth."""
-    experiments = experiments_of(found)
+    experiments = experiments_of(collected)
     styles = styles_of({row.label: look_of(row) for e in experiments for row in e.rows})
     groups = {e.name: _group(e.rows, e, styles) for e in experiments}
     first = experiments[0]
@@ -109,7 +109,7 @@ def figure_data_of(found: Found, truth: Path | None) -> FigureData:
 
 
 def look_of(row: SeedGroup) -> Look:
-    """The network of a row, and its colour where a run recorded one."""
+    """Look of a row: its network, and the network's colour where a run recorded one."""
     colours = (str(run.summary.get("colour") or "") for run in row.runs)
     return Look(label_of(row.runs[0]), next(filter(None, colours), ""))
 
@@ -127,10 +127,10 @@ def _open(truth: Path | None) -> StoredPredictions | None:
 
 
 def predictions_folder(run: Run) -> Path:
-    """Where a training with `callbacks.predictions` keeps them."""
+    """Folder in which a training with `callbacks.predictions` keeps its predictions."""
     return run.folder / f"predictions_{run.summary['split']}"
 
 
 def has_predictions(run: Run) -> bool:
-    """Whether they are there and complete."""
+    """Whether a run's predictions exist and are complete."""
     return read_facts(predictions_folder(run)) is not None

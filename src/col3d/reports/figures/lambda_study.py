@@ -1,4 +1,4 @@
-"""The weights of Col3D-MTL's loss and what they lead to, a line for each triple.
+"""Figure of Col3D-MTL's loss weights and their results, a line for each triple.
 
 The three weights need not add to 1 (the paper has 0.4, 0.2, 0.2), so that a triangle would misplace them.
 """
@@ -23,7 +23,7 @@ WEIGHTS = ("depth", "normals", "consistency")
 NAMES = tuple(f"weight of\n{name}" for name in WEIGHTS)
 RESULTS = {name: f"{OURS[name].title}\n(better below)" for name in ("abs_rel", "angle_mean")}
 COLUMNS = (4.14, 5.05, 5.55)
-"""Where the words beside each line stand."""
+"""X positions of the texts beside each line."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Line:
 
 
 def draw(material: FigureData, out: Path) -> Figure:
-    """Draw it.
+    """Draw the figure and write it as a PNG file.
 
     Raises:
         MissingError: there are fewer than two triples with both metrics.
@@ -92,12 +92,12 @@ def _draw(path: Path, lines: Sequence[Line]) -> None:
 
 
 def _height(value: float, low: float, high: float) -> float:
-    """Between the ends of an axis, 0 to 1; in the middle where all are the same."""
+    """Height of a value between the ends of an axis, 0 to 1; in the middle where the ends are equal."""
     return float((value - low) / (high - low)) if high > low else 0.5
 
 
 def _apart(heights: Sequence[float], distance: float = 0.075) -> list[float]:
-    """Where labels of heights go, that none covers another, in the same order and close to their own."""
+    """Move labels apart so that none covers another, in the same order and close to their heights."""
     order = np.argsort(heights, kind="stable")
     places = np.array(heights, float)[order]
     for _ in range(200):
@@ -105,9 +105,9 @@ def _apart(heights: Sequence[float], distance: float = 0.075) -> list[float]:
         short = np.clip(distance - gaps, 0, None) / 2
         places[:-1] -= short
         places[1:] += short
-    found = np.empty_like(places)
-    found[order] = places
-    return [float(place) for place in found]
+    result = np.empty_like(places)
+    result[order] = places
+    return [float(place) for place in result]
 
 
 def _words(axis: Axes, height: float, words: Sequence[str], weight: str) -> None:

@@ -11,7 +11,7 @@ from col3d.reports.figures.figure import MissingError
 from col3d.reports.figures.figure_data import Method, predictions_folder
 
 Frame = tuple[str, int]
-"""A video and a number."""
+"""Name of a video and number of the frame."""
 
 
 @dataclass(frozen=True)
@@ -24,12 +24,12 @@ class Truth:
     mask: np.ndarray
     mask_of_normals: np.ndarray
     occlusion: np.ndarray | None = None
-    """Where another surface lies behind the seen one."""
+    """Where another surface lies behind the visible one."""
 
 
 @dataclass(frozen=True)
 class Guess:
-    """Depth in mm and its absolute error; normals and their error in degrees, where they are predicted."""
+    """A prediction: depth in mm and its absolute error; normals and their error in degrees, if predicted."""
 
     depth: np.ndarray
     error: np.ndarray
@@ -56,7 +56,7 @@ def read_truth(stored: StoredPredictions, frame: Frame) -> Truth:
 
 
 def read_guess(method: Method, frame: Frame, truth: Truth) -> Guess:
-    """What a method's shown run predicted, as the network gave it, without any scaling to the truth.
+    """Prediction of a method's shown run, as the network gave it, without any scaling to the truth.
 
     Raises:
         MissingError: the frame is not kept, or its size is not that of the truth.
@@ -80,7 +80,7 @@ def read_guess(method: Method, frame: Frame, truth: Truth) -> Guess:
 
 @dataclass(frozen=True)
 class Maps:
-    """The truth of frames, and for each what every method predicted, in the order of the methods."""
+    """The truth of frames, and for each frame the prediction of every method, in their order."""
 
     truths: dict[Frame, Truth]
     guesses: dict[Frame, list[Guess]]
@@ -88,7 +88,7 @@ class Maps:
     @property
     def pairs(self) -> list[tuple[Guess, Truth]]:
         """Every prediction with its truth."""
-        return [(guess, self.truths[frame]) for frame, of_it in self.guesses.items() for guess in of_it]
+        return [(guess, self.truths[frame]) for frame, guesses in self.guesses.items() for guess in guesses]
 
     @property
     def depths(self) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -127,7 +127,7 @@ def angle_between(one: np.ndarray, other: np.ndarray) -> np.ndarray:
 
 
 def frame_value(method: Method, frame: Frame, metric: str) -> float:
-    """A metric of the shown run on a frame, as `per_frame.csv` has it; NaN where it has not."""
+    """A metric of the shown run on a frame, from `per_frame.csv`; NaN where it has no value."""
     frames = method.shown.frames
     rows = np.flatnonzero((frames["video"] == frame[0]) & (frames["frame"] == frame[1]))
     return float(method.shown.values(metric)[rows[0]]) if len(rows) else float("nan")

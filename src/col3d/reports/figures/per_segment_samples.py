@@ -1,4 +1,4 @@
-"""One frame of each segment by all methods."""
+"""Figure of one frame of each segment with the depth of all methods."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ CHOSEN = "Frames are the middle one of each segment's frames, in the order of vi
 
 
 def draw(material: FigureData, out: Path) -> Figure:
-    """Draw it.
+    """Draw the figure and write it as a PNG file.
 
     Raises:
         MissingError: truth or predictions are not there.

@@ -1,4 +1,4 @@
-"""How abs_rel, and metrics of plugins, are spread over the frames of each video."""
+"""Figure of abs_rel, and of metrics of plugins, over the frames of each video."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -15,12 +15,12 @@ from col3d.reports.figures.plots import WIDTH, axis_label, from_zero, legend, pl
 TITLE = "Metrics by video"
 FIRST = "abs_rel"
 MOST = 4
-"""How many metrics stand in the figure."""
+"""Most metrics in the figure."""
 VIDEOS_A_ROW, POINTS_A_BOX = 6, 150
 
 
 def draw(material: FigureData, out: Path) -> Figure:
-    """Draw it.
+    """Draw the figure and write it as a PNG file.
 
     Raises:
         MissingError: no frame has abs_rel.
@@ -43,7 +43,7 @@ def draw(material: FigureData, out: Path) -> Figure:
 
 
 def _shown(methods: Sequence[Method]) -> list[MetricSpec]:
-    """Ours that is always drawn, and those of plugins that any method has."""
+    """Specs of the metrics in the figure: abs_rel, and those of plugins that any method has."""
     specs = {name: spec for m in methods for run in m.runs for name, spec in run.specs.items()}
     others = [
         spec
@@ -61,8 +61,8 @@ def _draw(path: Path, methods: Sequence[Method], metrics: Sequence[MetricSpec]) 
     canvas = blank(WIDTH, 3.6 * len(rows) * len(metrics) + 0.7)
     axes = list(canvas.subplots(len(rows) * len(metrics), 1, squeeze=False)[:, 0])
     for n, spec in enumerate(metrics):
-        of_metric = axes[n * len(rows) : (n + 1) * len(rows)]
-        _draw_metric(of_metric, methods, spec, rows, segments)
+        metric_axes = axes[n * len(rows) : (n + 1) * len(rows)]
+        _draw_metric(metric_axes, methods, spec, rows, segments)
     legend(canvas, methods)
     save(canvas, path)
 

@@ -1,4 +1,4 @@
-"""What plots share: plain axes, and one legend above them."""
+"""Helpers of plots: plain axes, and one legend above them."""
 
 import math
 from collections.abc import Sequence
@@ -11,11 +11,11 @@ from col3d.registry.metric_specs import MetricSpec
 from col3d.reports.figures.figure_data import Method
 
 WIDTH, CHARACTERS = 11.0, 125
-"""Inches, and how many characters of a legend stand in a line."""
+"""Width of a canvas in inches, and characters of a legend in one line."""
 
 
 def plain(axis: Axes, x: str, y: str) -> None:
-    """Labels with units, light lines across, no box."""
+    """Style axes: labels with units, light lines across, no box."""
     axis.set_xlabel(x)
     axis.set_ylabel(y)
     axis.grid(axis="y", color="0.9")
@@ -24,7 +24,7 @@ def plain(axis: Axes, x: str, y: str) -> None:
 
 
 def legend(canvas: Canvas, methods: Sequence[Method], more: Sequence[Line2D] = ()) -> None:
-    """The line of each method, above the axes."""
+    """Draw a legend with the line of each method above the axes."""
     lines = [
         Line2D([], [], color=m.style.colour, linestyle=m.style.dash, label=m.label, lw=2) for m in methods
     ]
@@ -34,7 +34,7 @@ def legend(canvas: Canvas, methods: Sequence[Method], more: Sequence[Line2D] = (
 
 
 def axis_label(spec: MetricSpec) -> str:
-    """A metric's heading and unit; a dollar is one, and begins no formula."""
+    """A metric's heading and unit, with dollars escaped: they begin no formula."""
     return f"{spec.title} {spec.unit}".strip().replace("$", r"\$")
 
 

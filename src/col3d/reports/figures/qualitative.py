@@ -1,4 +1,4 @@
-"""Depth by each method on its best, average and worst frame."""
+"""Figure of the depth of each method on the best, an average and the worst frame."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ TITLE = "Depth on the best, an average and the worst frame"
 
 
 def draw(material: FigureData, out: Path) -> Figure:
-    """Draw it.
+    """Draw the figure and write it as a PNG file.
 
     Raises:
         MissingError: truth or predictions are not there.
@@ -32,6 +32,6 @@ def draw(material: FigureData, out: Path) -> Figure:
 
 
 def chosen_by(group: Group, best: Method) -> str:
-    """How best, average and worst frame were chosen."""
+    """Sentence on how the best, average and worst frame were chosen."""
     why = ", the method of the lowest mean" if len(group.methods) > 1 else ""
     return f"Frames: lowest, nearest to average and highest Abs Rel of {best.label}{why}."

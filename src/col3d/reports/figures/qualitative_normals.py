@@ -1,4 +1,4 @@
-"""Normals by each method that has them, on the best, average and worst frame of depth."""
+"""Figure of predicted normals, on the best, average and worst frame of depth."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,11 +14,11 @@ from col3d.reports.figures.sheet import BALL, Sheet, errors_up_to
 
 TITLE = "Normals on the same frames"
 MOST = 3
-"""Methods, of two columns each."""
+"""Most methods in the figure, each with two columns."""
 
 
 def draw(material: FigureData, out: Path) -> Figure:
-    """Draw it.
+    """Draw the figure and write it as a PNG file.
 
     Raises:
         MissingError: truth or predictions are not there, or no method predicts normals.
@@ -41,7 +41,7 @@ def draw(material: FigureData, out: Path) -> Figure:
 
 
 def with_normals(methods: Sequence[Method], truth: StoredPredictions, frame: Frame) -> tuple[Method, ...]:
-    """The methods that predict normals, as a frame shows.
+    """The methods that predict normals, judged by one frame.
 
     Raises:
         MissingError: none does, or true normals are not kept.
@@ -49,10 +49,10 @@ def with_normals(methods: Sequence[Method], truth: StoredPredictions, frame: Fra
     known = read_truth(truth, frame)
     if known.normals is None:
         raise MissingError("the truth has no normals")
-    found = tuple(method for method in methods if read_guess(method, frame, known).normals is not None)
-    if not found:
+    predicting = tuple(method for method in methods if read_guess(method, frame, known).normals is not None)
+    if not predicting:
         raise MissingError("no method predicts normals")
-    return found
+    return predicting
 
 
 def _sheet(

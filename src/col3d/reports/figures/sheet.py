@@ -18,7 +18,7 @@ WIDTH, WIDEST_CELL, BARS = 11.5, 2.7, 0.85
 GAP, LINE, LETTER = 0.08, 0.165, 0.068
 """Inches: between cells, the height of a line of a title, and the width of a letter."""
 BALL = "normals"
-"""Among the scales, asks for the key to the colours of normals."""
+"""Key in `scales` that adds the colour key of normals, a ball."""
 LARGEST_SHARE = 0.98
 
 
@@ -31,14 +31,14 @@ class Scale:
 
 
 def range_of(maps: Iterable[tuple[np.ndarray, np.ndarray]]) -> Scale:
-    """From the least counting value, of (values, mask) of all maps, to what 98 % stay below."""
+    """Scale from the least counting value of all (values, mask) maps to the value that 98 % stay below."""
     values = _counting(maps)
     low, high = float(values.min()), float(np.quantile(values, LARGEST_SHARE))
     return Scale(low, max(high, low + 1e-3))
 
 
 def errors_up_to(maps: Iterable[tuple[np.ndarray, np.ndarray]]) -> Scale:
-    """From 0 to what 98 % of the counting values stay below."""
+    """Scale from 0 to the value that 98 % of the counting values stay below."""
     return Scale(0.0, max(float(np.quantile(_counting(maps), LARGEST_SHARE)), 1e-3))
 
 
@@ -52,8 +52,8 @@ class Sheet:
     """Rows and columns of cells above a strip of colour bars, laid out in inches.
 
     Args:
-        titles: of each row, how many lines of titles its cells have above them.
-        columns: of cells.
+        titles: for each row, the number of lines of titles above its cells.
+        columns: number of columns of cells.
         scales: quantity -> its one scale; `BALL` with None for the key of normals.
     """
 
@@ -75,7 +75,7 @@ class Sheet:
         )
 
     def cell(self, row: int, column: int, title: str = "") -> Axes:
-        """An empty cell; long titles are broken."""
+        """Add an empty cell; long titles are wrapped."""
         width, height = self.cell_size
         axis = self._place(GAP / 2 + column * (width + GAP), float(self.tops[row]), width, height)
         axis.set_axis_off()
@@ -86,18 +86,18 @@ class Sheet:
         return axis
 
     def text(self, row: int, column: int, words: str) -> None:
-        """Words in the middle of a cell."""
+        """Write text in the middle of a cell."""
         axis = self.cell(row, column)
         axis.text(0.5, 0.5, words, ha="center", va="center", fontsize=9.5, transform=axis.transAxes)
 
     def image(self, row: int, column: int, colours: np.ndarray, title: str = "") -> Axes:
-        """A picture (h, w, 3), stretched to the frames' true aspect."""
+        """Show a picture (h, w, 3), stretched to the frames' true aspect."""
         axis = self.cell(row, column, title)
         axis.imshow(colours, aspect=_aspect(colours))
         return axis
 
     def normals(self, row: int, column: int, normals: np.ndarray, mask: np.ndarray, title: str = "") -> None:
-        """Unit vectors (h, w, 3) in colours."""
+        """Show unit vectors (h, w, 3) in colours."""
         axis = self.cell(row, column, title)
         colours = colours_of_normals(normals, mask)
         axis.imshow(colours, aspect=_aspect(colours), interpolation="nearest")
@@ -105,7 +105,7 @@ class Sheet:
     def map(
         self, row: int, column: int, quantity: str, values: np.ndarray, mask: np.ndarray, title: str = ""
     ) -> None:
-        """Values (h, w) on the scale of their quantity."""
+        """Show values (h, w) on the scale of their quantity."""
         scale = self.scales[quantity]
         assert scale is not None
         shown = np.ma.masked_where(~mask | ~np.isfinite(values), values)
@@ -143,6 +143,6 @@ class Sheet:
 
 
 def _aspect(values: np.ndarray) -> float:
-    """Height by width of a pixel, that the whole has the aspect of frames."""
+    """Height by width of one pixel at which the whole picture has the aspect of frames."""
     height, width = values.shape[:2]
     return FRAME_ASPECT * width / height

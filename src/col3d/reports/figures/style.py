@@ -1,4 +1,4 @@
-"""Colours that hold in every figure: of methods, of quantities, of normals."""
+"""Colours and dashes shared by all figures: of methods, of quantities, of normals."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -31,7 +31,7 @@ DASHES: tuple[Dash, ...] = ("-", "--", ":", "-.")
 
 @dataclass(frozen=True)
 class Style:
-    """How the lines and points of a method look; variants of a network share its colour."""
+    """Style of a method's lines and points; variants of a network share its colour."""
 
     colour: str
     dash: Dash = "-"
@@ -39,7 +39,7 @@ class Style:
 
 @dataclass(frozen=True)
 class Quantity:
-    """What a map shows: its colours, what stands on its colour bar, and where values exceed that."""
+    """Style of a quantity's maps: colours, label of the colour bar, and its ends that values exceed."""
 
     colours: str
     label: str
@@ -47,7 +47,7 @@ class Quantity:
 
     @property
     def colormap(self) -> Colormap:
-        """With grey for what does not count."""
+        """The colour map, with grey for what does not count."""
         return colormaps[self.colours].with_extremes(bad=str(GREY))
 
 
@@ -60,11 +60,11 @@ QUANTITIES = {
 
 @dataclass(frozen=True)
 class Look:
-    """What is known of how a row should look.
+    """What determines the style of a row.
 
     Attributes:
-        network: what its network is called.
-        colour: that the network's registration gave, or "".
+        network: name of its network.
+        colour: colour from the network's registration, or "".
     """
 
     network: str

@@ -1,4 +1,4 @@
-"""How trainings went: errors on the validation part and losses, by epoch."""
+"""Figure of trainings: metrics on the validation part and losses, by epoch."""
 
 import csv
 from collections.abc import Sequence
@@ -21,16 +21,16 @@ from col3d.reports.runs import Run
 
 TITLE = "Training"
 ALWAYS = ("abs_rel", "angle_mean")
-"""What of our metrics is drawn; those of plugins are as well."""
+"""Metrics of ours that are drawn, beside all those of plugins."""
 MOST = 4
-"""How many metrics stand in the figure."""
+"""Most metrics in the figure."""
 LOSSES: dict[str, tuple[Dash, str]] = {"train/loss": ("-", "training"), "val/loss": (":", "validation")}
 Curve = tuple[np.ndarray, np.ndarray]
 """Epochs, from 1, and values."""
 
 
 def draw(material: FigureData, out: Path) -> Figure:
-    """Draw it.
+    """Draw the figure and write it as a PNG file.
 
     Raises:
         MissingError: no run has kept its metrics by epoch.
@@ -53,10 +53,10 @@ def draw(material: FigureData, out: Path) -> Figure:
 
 
 def curves(run: Run) -> dict[str, Curve]:
-    """Values by epoch of what `metrics.csv` has, by its name; nothing where it is not there or is no table.
+    """Curves in a run's `metrics.csv`, by name; empty where the file is absent or is no table.
 
     Raises:
-        OSError: it is there, and cannot be read.
+        OSError: the file exists and cannot be read.
     """
     path = run.folder / "metrics.csv"
     try:
@@ -69,13 +69,13 @@ def curves(run: Run) -> dict[str, Curve]:
 
 
 def _curve(rows: Sequence[dict[str, str]], name: str) -> Curve | None:
-    """The last value of each epoch."""
+    """The last value of each epoch; None where there is none."""
     values = {int(row["epoch"]) + 1: float(row[name]) for row in rows if row.get(name)}
     return (np.array(list(values)), np.array(list(values.values()))) if values else None
 
 
 def _panels(methods: Sequence[Method]) -> list[MetricSpec]:
-    """What any of the runs has measured on the validation part: chosen metrics of ours, and plugins'."""
+    """Specs of the validation metrics to draw: those of `ALWAYS` and of plugins that any run measured."""
     runs = [run for method in methods for run in method.runs]
     specs = {name: spec for run in runs for name, spec in run.specs.items()}
     measured = {name for run in runs for name in curves(run)}
@@ -89,15 +89,15 @@ def draw_methods(path: Path, methods: Sequence[Method]) -> None:
     canvas = blank(WIDTH, 3.9)
     *metrics, losses = canvas.subplots(1, len(panels) + 1, squeeze=False)[0]
     for method in methods:
-        for found, run in ((curves(run), run) for run in method.runs):
+        for run_curves, run in ((curves(run), run) for run in method.runs):
             for axis, spec in zip(metrics, panels, strict=True):
-                if curve := found.get(f"val/{spec.name}"):
+                if curve := run_curves.get(f"val/{spec.name}"):
                     scaled = curve[0], curve[1] * spec.scale
                     _line(axis, scaled, method, method.style.dash)
                     _ring(axis, scaled, method, run)
             for name, (dash, _) in LOSSES.items():
-                if name in found:
-                    _line(losses, found[name], method, dash)
+                if name in run_curves:
+                    _line(losses, run_curves[name], method, dash)
     for axis, spec in zip(metrics, panels, strict=True):
         plain(axis, "epoch", axis_label(spec))
         axis.set_title("validation", fontsize=10)
@@ -123,7 +123,7 @@ def _line(axis: Axes, curve: Curve, method: Method, dash: Dash) -> None:
 
 
 def _ring(axis: Axes, curve: Curve, method: Method, run: Run) -> None:
-    """Where the best weights are of."""
+    """Mark the epoch of the best weights with a ring."""
     kept = at(run.summary, "best.epoch")
     here = curve[0] == (-1 if kept is None else int(kept) + 1)
     axis.plot(
