@@ -11,7 +11,7 @@ import pytest
 from programs import call, command
 from tiny_run import SMALL, TINY
 
-from col3d.reports.jobs import Job, read_sweep
+from col3d.io.run_files import Job, read_sweep
 from col3d.reports.ledger import main as ledger
 from col3d.training.train import train
 

@@ -15,8 +15,8 @@ from pathlib import Path
 import pytest
 from tiny_run import TINY
 
+from col3d.io.run_files import read_plain
 from col3d.phantom import PhantomSettings, render_phantom
-from col3d.reports.jobs import read_plain
 
 pytestmark = pytest.mark.end_to_end
 

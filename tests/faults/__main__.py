@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
-from col3d.reports.jobs import RESULT, STATUS
+from col3d.io.run_files import RESULT, STATUS
 from tests.faults.disks import (
     filled_disk,
     full_disk,

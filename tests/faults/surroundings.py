@@ -5,7 +5,7 @@ import socket
 import time
 from datetime import datetime
 
-from col3d.reports.jobs import STATUS, read_plain
+from col3d.io.run_files import STATUS, read_plain
 from tests.faults.training import LONGEST, NotMadeError
 from tests.faults.trial import EPOCHS, Trial
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import torch
 
-from col3d.reports.jobs import RESULT, STATUS, read_job, read_plain
+from col3d.io.run_files import RESULT, STATUS, read_job, read_plain
 from tests.faults.training import Training
 from tests.helpers.tiny_options import SMALL, SMALLEST
 

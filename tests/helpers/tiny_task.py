@@ -9,11 +9,11 @@ from typing import Any
 import torch
 from lightning import Callback, Trainer
 from torch import Tensor, nn
+from torch.optim.lr_scheduler import LambdaLR
 from torch.utils.data import DataLoader, DistributedSampler
 
 from col3d.batch import Prediction
 from col3d.losses import WeightedLoss
-from col3d.training.parameter_groups import step_decay
 from col3d.training.tasks import AdversarialTask
 
 MAX_DEPTH = 100.0
@@ -69,7 +69,7 @@ def adam(network: nn.Module) -> torch.optim.Optimizer:
 
 
 def halved_every_third_step(optimizer: Any, steps: int, epochs: int) -> Any:
-    return step_decay(optimizer, 3, 0.5)
+    return LambdaLR(optimizer, lambda step: 0.5 ** (step // 3))
 
 
 def tiny_task(

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from col3d.reports.jobs import LOCK, PLAN, STATES, add_to_plan, read_sweep
+from col3d.io.run_files import LOCK, PLAN, STATES, add_to_plan, read_sweep
 from col3d.reports.ledger import main
 
 HOLD = """

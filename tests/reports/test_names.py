@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from fake_runs import write_run
 
+from col3d.io.run_files import STATUS
 from col3d.reports.__main__ import main
-from col3d.reports.jobs import STATUS
 from col3d.reports.ledger import main as ledger
 from col3d.reports.render import as_code, as_text
 from col3d.reports.runs import read_runs

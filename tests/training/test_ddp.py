@@ -16,7 +16,7 @@ import torch
 from programs import PROJECT, call
 from tiny_run import SMALL, TINY
 
-from col3d.reports.jobs import read_plain
+from col3d.io.run_files import read_plain
 from col3d.training.train import train
 
 pytestmark = pytest.mark.end_to_end

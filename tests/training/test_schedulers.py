@@ -1,5 +1,7 @@
 """Schedules by name: each of torch steps and goes on, with its own options, checked."""
 
+import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +12,7 @@ from lightning.pytorch.callbacks import ModelCheckpoint
 from tiny_task import LOSS, QUIET, TinyNetwork, frames
 from torch import nn
 from torch.optim import lr_scheduler
+from torch.optim.lr_scheduler import LRScheduler
 from torch.utils.data import DataLoader
 
 from col3d.errors import OptionError, UserError
@@ -17,11 +20,14 @@ from col3d.registry import SCHEDULERS, available, describe, register_scheduler
 from col3d.registry.refusals import checked
 from col3d.training.schedulers import (
     SchedulerOptions,
+    TrainingLength,
     interval_of,
     is_of_length,
     node,
+    polynomial,
     scheduler_of,
     scheduler_options,
+    step,
     try_schedule,
 )
 from col3d.training.tasks import SupervisedTask
@@ -250,3 +256,43 @@ def test_a_schedule_of_somebody_s_is_told_how_long_the_training_is() -> None:
     with pytest.raises(ValueError, match=r"^mine$") as error:
         try_schedule(options("odd"), sgd(), 1)
     assert not isinstance(error.value, OptionError)
+
+
+def rates_of(schedule: Callable[[Any], LRScheduler], steps: int) -> list[float]:
+    """The learning rate of each step, from a start of 2, and the one after the last."""
+    optimizer = torch.optim.SGD([nn.Parameter(torch.zeros(()))], lr=2.0)
+    schedules, found = schedule(optimizer), []
+    for _ in range(steps + 1):
+        found.append(optimizer.param_groups[0]["lr"])
+        optimizer.step()
+        schedules.step()
+    return found
+
+
+@pytest.mark.parametrize(
+    ("power", "final_ratio", "hold"), [(0.9, 0.1, 0.0), (1.0, 0.0, 0.5), (2.0, 0.3, 0.25)]
+)
+def test_polynomial_decay_equals_its_formula(power: float, final_ratio: float, hold: float) -> None:
+    found = rates_of(
+        lambda optimizer: polynomial(optimizer, TrainingLength(20, 1), power, final_ratio, hold), 20
+    )
+    for number, rate in enumerate(found):
+        gone = max(0.0, (number / 20 - hold) / (1 - hold))
+        assert rate == pytest.approx(2 * (final_ratio + (1 - final_ratio) * math.pow(1 - gone, power)))
+    assert found[-1] == pytest.approx(2 * final_ratio)
+
+
+def test_pix2pix_holds_for_half_of_the_steps_and_falls_in_a_line_to_zero() -> None:
+    found = rates_of(lambda optimizer: polynomial(optimizer, TrainingLength(8, 1), 1.0, 0.0, 0.5), 8)
+    assert found == pytest.approx([2, 2, 2, 2, 2, 1.5, 1, 0.5, 0])
+
+
+def test_polynomial_decay_stays_at_its_end() -> None:
+    found = rates_of(lambda optimizer: polynomial(optimizer, TrainingLength(3, 1), 0.9, 0.1, 0.5), 5)
+    assert found[3:] == pytest.approx([0.2] * 3)
+    assert found[2] > 0.3
+
+
+def test_step_decay_falls_after_every_period() -> None:
+    found = rates_of(lambda optimizer: step(optimizer, TrainingLength(7, 7), 3, 0.1), 7)
+    assert found == pytest.approx([2, 2, 2, 0.2, 0.2, 0.2, 0.02, 0.02])

@@ -19,7 +19,7 @@ from col3d.cli.files import CONF
 from col3d.cli.searches import take_up
 from col3d.cli.sweeps import jobs_of
 from col3d.errors import UserError
-from col3d.reports.jobs import add_to_plan
+from col3d.io.run_files import add_to_plan
 from col3d.runs import provenance
 from col3d.runs.overwriting import begin
 

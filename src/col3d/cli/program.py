@@ -29,8 +29,8 @@ from col3d.cli.refusals import explain, refuse
 from col3d.errors import DataError, OptionError, RunLockedError, UserError
 from col3d.io.json_files import write_json
 from col3d.io.ownership import Owned
+from col3d.io.run_files import STATUS, TRAINING, read_plain
 from col3d.registry import DATASETS, GROUPS, plugins
-from col3d.reports.jobs import STATUS, TRAINING, read_plain
 from col3d.runs.overwriting import end
 
 BAD_INPUT = (DataError, OptionError, UserError, OSError)

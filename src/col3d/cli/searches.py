@@ -5,7 +5,7 @@ from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
 
-from col3d.reports.jobs import read_sweep
+from col3d.io.run_files import read_sweep
 
 FILE = "sqlite:///"
 

@@ -11,8 +11,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from col3d.io.run_files import STATES, Job, read_sweep
 from col3d.registry.metric_specs import OURS
-from col3d.reports.jobs import STATES, Job, read_sweep
 from col3d.reports.screen import plain_console
 from col3d.reports.summary import LOG_WIDTH
 

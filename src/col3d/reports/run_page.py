@@ -16,14 +16,14 @@ from markupsafe import Markup
 from col3d.errors import UserError
 from col3d.io.atomic import write_whole
 from col3d.io.ownership import Owned
+from col3d.io.run_files import TRAINING
+from col3d.io.run_schemas import read_object
 from col3d.reports.figures.figure_data import Method
 from col3d.reports.figures.style import BLACK, Style
 from col3d.reports.figures.training_curves import curves, draw_methods
-from col3d.reports.jobs import TRAINING
 from col3d.reports.places import command_without_places, without_places
 from col3d.reports.runs import Run
 from col3d.reports.scenes import Scene, read_frame
-from col3d.reports.shapes import read_object
 from col3d.reports.summary import on_screen, rows_of
 from col3d.reports.templating import data_uri, filled
 

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import yaml
 
+from col3d.io.run_schemas import misfit
 from col3d.registry.earlier import NAMES, updated
 from col3d.registry.metric_specs import MetricSpec, unknown
 from col3d.reports.per_frame import PIXELS, metrics_in, read_per_frame
-from col3d.reports.shapes import misfit
 from col3d.reports.summary import specs_of
 
 CONFIG, SUMMARY, TABLE = "config.yaml", "summary.json", "per_frame.csv"

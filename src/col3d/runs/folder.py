@@ -11,7 +11,7 @@ from col3d.io.atomic import write_whole
 from col3d.io.json_files import write_json
 from col3d.io.ownership import Owned
 from col3d.io.predictions import INDEX, owned_predictions
-from col3d.reports.jobs import RESULT, STATUS, TRAINING, read_plain
+from col3d.io.run_files import RESULT, STATUS, TRAINING, read_plain
 from col3d.reports.run_page import PAGE
 from col3d.runs.checkpoint_callbacks import BestCheckpoint
 from col3d.runs.checkpoints import DamagedError, read_checkpoint, run_of

@@ -8,7 +8,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from col3d.errors import RunLockedError
-from col3d.reports.jobs import LOCK, STATUS, read_plain
+from col3d.io.run_files import LOCK, STATUS, read_plain
 from col3d.runs.rank import is_first
 
 TRIES, PAUSE = 10, 0.05

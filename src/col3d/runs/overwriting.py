@@ -6,7 +6,7 @@ from pathlib import Path
 
 from col3d.io.json_files import write_json
 from col3d.io.ownership import Owned
-from col3d.reports.jobs import RESULT, read_plain
+from col3d.io.run_files import RESULT, read_plain
 
 RECORD = ".overwrite.json"
 """File in the folder of the runs: the finished runs that are replaced, by folder name."""

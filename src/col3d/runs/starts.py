@@ -10,10 +10,10 @@ from typing import Any
 from col3d.data.fingerprint import data_state
 from col3d.data.options import DataOptions
 from col3d.io.json_files import write_json
+from col3d.io.run_files import read_plain
 from col3d.phantom.options import PhantomOptions
 from col3d.registry.plugins import code as plugin_code
 from col3d.registry.plugins import versions as plugin_versions
-from col3d.reports.jobs import read_plain
 from col3d.runs.provenance import code_sum, command, commit, plugins, versions
 
 STARTS = "starts.json"

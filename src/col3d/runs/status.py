@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from col3d.io.json_files import write_json
-from col3d.reports.jobs import STATUS, read_plain
+from col3d.io.run_files import STATUS, read_plain
 from col3d.runs.provenance import command
 from col3d.runs.rank import is_first
 from col3d.signals import Stopped, children_unheard

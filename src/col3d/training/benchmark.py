@@ -16,8 +16,8 @@ from col3d.data.build import data_module, resolve_source_paths
 from col3d.errors import UserError
 from col3d.evaluation.stored_truth import keep_truth
 from col3d.io.ownership import Owned
+from col3d.io.run_files import add_to_plan, is_locked, read_job
 from col3d.registry.refusals import check_options
-from col3d.reports.jobs import add_to_plan, is_locked, read_job
 from col3d.runs.folder import RunFolder
 from col3d.runs.overwriting import begin, end
 from col3d.runs.provenance import command

@@ -12,7 +12,7 @@ from col3d.evaluation.results import SUMMARY, Results, facts_of
 from col3d.evaluation.scored_part import Scored
 from col3d.inference.trained_network import TrainedNetwork
 from col3d.io.json_files import write_json
-from col3d.reports.jobs import read_plain
+from col3d.io.run_files import read_plain
 from col3d.reports.run_page import PAGE, write_run_page
 from col3d.reports.summary import print_summary
 from col3d.runs.checkpoints import DamagedError, read_checkpoint

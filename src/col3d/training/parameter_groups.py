@@ -1,32 +1,14 @@
-"""Parameter groups of optimisers, and learning-rate decays over the steps of a training."""
+"""Parameter groups of optimisers: weight decay, and learning rates that decay by layer."""
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 from torch import nn
 from torch.optim import Optimizer
-from torch.optim.lr_scheduler import LambdaLR, LRScheduler
 
 NUMBERED = re.compile(r"((?:[^.]+\.)*?\d+(?:\.\d+)*)\.")
 OptimizerFactory = Callable[[nn.Module], Optimizer]
-SchedulerFactory = Callable[[Optimizer, int, int], LRScheduler | None]
-"""(optimiser, steps of the schedule over the training, epochs) -> schedule; None for a constant rate."""
-
-
-@dataclass(frozen=True)
-class TrainingLength:
-    """Length of a training.
-
-    Attributes:
-        steps: number of steps of the schedule over the whole training: steps of the optimiser, or epochs if
-            it is stepped after epochs.
-        epochs: number of epochs of the training.
-    """
-
-    steps: int
-    epochs: int
 
 
 def parameter_groups(
@@ -106,34 +88,3 @@ def layers_of(encoder: nn.Module, layer_decay: float) -> list[tuple[list[nn.Para
     shares = [layer_decay ** (len(layers) - 1 - depth) for depth in range(len(layers))]
     learning = [[parameter for parameter in layer if parameter.requires_grad] for layer in layers]
     return [(layer, share) for layer, share in zip(learning, shares, strict=True) if layer]
-
-
-def polynomial_decay(
-    optimizer: Optimizer, steps: int, power: float, final_ratio: float, hold: float = 0.0
-) -> LambdaLR:
-    """Decay the learning rate to `final_ratio` of its start over `steps`, as (1 - step / steps) ** power.
-
-    Args:
-        optimizer: the optimiser.
-        steps: number of steps of the whole training.
-        power: exponent; 1 decays linearly.
-        final_ratio: ratio of the last rate to the first.
-        hold: share of the steps before the decay begins.
-
-    References:
-        Lee et al.: From Big to Small: Multi-Scale Local Planar Guidance for Monocular Depth Estimation
-        (BTS), 2019, section 4.2: power 0.9, down to a tenth.
-    """
-    held = hold * steps
-
-    def ratio(step: int) -> float:
-        gone = max(0.0, min(step, steps) - held) / max(steps - held, 1.0)
-        remaining: float = (1 - gone) ** power
-        return final_ratio + (1 - final_ratio) * remaining
-
-    return LambdaLR(optimizer, ratio)
-
-
-def step_decay(optimizer: Optimizer, period: int, factor: float) -> LambdaLR:
-    """Multiply the learning rate by `factor` after every `period` steps."""
-    return LambdaLR(optimizer, lambda step: factor ** (step // period))

@@ -2,19 +2,19 @@
 
 import functools
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from inspect import signature
 from typing import Annotated, Any, Literal
 
 import torch.optim.lr_scheduler
 from pydantic import Field, PositiveInt, create_model
 from torch.optim import Optimizer
-from torch.optim.lr_scheduler import LRScheduler, ReduceLROnPlateau
+from torch.optim.lr_scheduler import LambdaLR, LRScheduler, ReduceLROnPlateau
 
 from col3d.errors import OptionError
 from col3d.registry import COUNTS, SCHEDULERS, Part, register_scheduler
 from col3d.registry.schema import NoneWord, Options, check_names, defaults
-from col3d.training.parameter_groups import SchedulerFactory, TrainingLength, polynomial_decay, step_decay
 
 UNFIT = ("LRScheduler", "_LRScheduler", "LambdaLR", "MultiplicativeLR", "SequentialLR", "ChainedScheduler")
 """Not registered: base classes, and schedules that are made of functions or of other schedules."""
@@ -23,6 +23,24 @@ EACH_STEP = ("OneCycleLR", "CyclicLR")
 RATES = ("max_lr", "base_lr")
 """Parameters with rates that a schedule sets, regardless of those of the parameter groups."""
 Interval = Annotated[Literal["step", "epoch"] | None, NoneWord]
+
+
+SchedulerFactory = Callable[[Optimizer, int, int], LRScheduler | None]
+"""(optimiser, steps of the schedule over the training, epochs) -> schedule; None for a constant rate."""
+
+
+@dataclass(frozen=True)
+class TrainingLength:
+    """Length of a training.
+
+    Attributes:
+        steps: number of steps of the schedule over the whole training: steps of the optimiser, or epochs if
+            it is stepped after epochs.
+        epochs: number of epochs of the training.
+    """
+
+    steps: int
+    epochs: int
 
 
 class SchedulerOptions(Options):
@@ -54,8 +72,20 @@ def polynomial(
     final_ratio: Annotated[float, Field(ge=0, le=1)] = 0.1,
     hold: Annotated[float, Field(ge=0, lt=1)] = 0.0,
 ) -> LRScheduler:
-    """(1 - step / steps) ** power, down to a share of the start; `hold` is a share of the steps before."""
-    return polynomial_decay(optimizer, training.steps, power, final_ratio, hold)
+    """(1 - step / steps) ** power, down to a share of the start; `hold` is a share of the steps before.
+
+    References:
+        Lee et al.: From Big to Small: Multi-Scale Local Planar Guidance for Monocular Depth Estimation
+        (BTS), 2019, section 4.2: power 0.9, down to a tenth.
+    """
+    held = hold * training.steps
+
+    def ratio(step: int) -> float:
+        gone = max(0.0, min(step, training.steps) - held) / max(training.steps - held, 1.0)
+        remaining: float = (1 - gone) ** power
+        return final_ratio + (1 - final_ratio) * remaining
+
+    return LambdaLR(optimizer, ratio)
 
 
 @register_scheduler("step", interval="step")
@@ -66,7 +96,8 @@ def step(
     factor: Annotated[float, Field(gt=0, le=1)] = 0.1,
 ) -> LRScheduler:
     """The learning rate times `factor` after every `epochs`."""
-    return step_decay(optimizer, epochs * training.steps // training.epochs, factor)
+    period = epochs * training.steps // training.epochs
+    return LambdaLR(optimizer, lambda step: factor ** (step // period))
 
 
 def scheduler_options(given: Any) -> SchedulerOptions:

@@ -112,10 +112,6 @@ def _depth_range(frames: Frames, source: SourceOptions) -> str:
     )
 
 
-def _has_normals(frames: Frames) -> bool:
-    return any(_knows_normals(frames[index]) for index in range(_length(frames)))
-
-
 def _knows_normals(frame: Mapping[str, Any]) -> bool:
     return bool((frame["normals"] != 0).any())
 

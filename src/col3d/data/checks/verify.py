@@ -35,11 +35,11 @@ from col3d.data.splits import expand, selection_of_any_video
 from col3d.errors import DataError, UserError
 from col3d.io.json_files import write_json
 from col3d.io.ownership import Owned
+from col3d.io.run_files import read_plain
 from col3d.phantom.options import PhantomOptions
 from col3d.phantom.write import read_manifest
 from col3d.registry import DATASETS
 from col3d.registry.refusals import check_options
-from col3d.reports.jobs import read_plain
 from col3d.reports.verification import Picture, print_verification, write_page
 from col3d.signals import StopSignals, stoppable
 

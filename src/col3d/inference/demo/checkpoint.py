@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from col3d.inference.trained_network import SHIPPED
-from col3d.reports.jobs import RESULT
+from col3d.io.run_files import RESULT
 from col3d.runs.folder import CHECKPOINTS
 
 

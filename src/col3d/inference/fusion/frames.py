@@ -9,10 +9,10 @@ from torch import Tensor
 
 from col3d.data.datasets.c3vd import C3VD
 from col3d.data.datasets.octagon import octagon_mask
-from col3d.data.datasets.pose_readings import PoseReading, find_reading
 from col3d.data.processes import frames_bar
 from col3d.data.resize import Resize
 from col3d.errors import DataError
+from col3d.inference.fusion.pose_readings import PoseReading, find_reading
 from col3d.inference.options import PoseOptions
 from col3d.inference.predictor import Predictor
 

@@ -16,7 +16,8 @@ from col3d.layers.network import measured_tasks
 from col3d.metrics import TaskMetrics
 from col3d.metrics.measure import NONE, Options
 from col3d.runs.trained import DEPTH_SEEN, depth_seen
-from col3d.training.parameter_groups import OptimizerFactory, SchedulerFactory
+from col3d.training.parameter_groups import OptimizerFactory
+from col3d.training.schedulers import SchedulerFactory
 from col3d.training.tasks.epoch_totals import EpochTotals
 
 EPOCH = "epoch_so_far"

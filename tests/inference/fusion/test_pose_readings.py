@@ -13,10 +13,10 @@ from tiny_run import composed
 
 from col3d.data.checks.poses import read_poses
 from col3d.data.datasets.c3vd import C3VD
-from col3d.data.datasets.pose_readings import AXES, DIRECTIONS, UNITS, PoseReading, find_reading
 from col3d.errors import DataError, UserError
 from col3d.inference.cameras import camera_at
 from col3d.inference.fusion.fuse import fuse
+from col3d.inference.fusion.pose_readings import AXES, DIRECTIONS, UNITS, PoseReading, find_reading
 
 pytestmark = pytest.mark.end_to_end
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from col3d.io.json_files import write_json
 from col3d.io.ownership import Owned
-from col3d.reports.shapes import read_object
+from col3d.io.run_schemas import read_object
 
 STATUS, RESULT, LOCK, PLAN = "status.json", "result.json", ".lock", "sweep.json"
 TRAINING = "training"

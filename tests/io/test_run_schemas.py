@@ -12,8 +12,8 @@ from fake_runs import write_run
 
 from col3d.errors import UserError
 from col3d.io.ownership import Owned
+from col3d.io.run_files import RESULT, STATUS, add_to_plan, read_plain, read_sweep
 from col3d.reports.experiments import experiments_of
-from col3d.reports.jobs import RESULT, STATUS, add_to_plan, read_plain, read_sweep
 from col3d.reports.ledger import main as ledger
 from col3d.reports.page import write_report
 from col3d.reports.run_page import write_run_page
