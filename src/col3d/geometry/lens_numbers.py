@@ -21,14 +21,8 @@ ALIASES = {
     "cx": ("ppx", "u0", "pu"),
     "cy": ("ppy", "v0", "pv"),
     "k": (
-        "cameramatrix",
-        "intrinsicmatrix",
-        "intrinsics",
-        "intrinsic",
-        "cameraintrinsics",
-        "matrix",
-        "mtx",
-        "camk",
+        *("cameramatrix", "intrinsicmatrix", "intrinsics", "intrinsic", "cameraintrinsics"),
+        *("matrix", "mtx", "camk"),
     ),
     "d": (
         *("distortioncoefficients", "distortioncoeffs", "distortioncoeff", "distortionparameters"),

@@ -1,4 +1,4 @@
-"""File handling: atomic writes, JSON, ownership of output files, image formats, stored predictions.
+"""File handling: atomic writes, JSON, ownership, image formats, stored predictions, status files of runs.
 
-Files of data sets are read in `data`, files of runs in `runs`.
+Files of data sets are read in `data`; what a run does with its folder is decided in `runs`.
 """

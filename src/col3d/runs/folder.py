@@ -83,26 +83,19 @@ class RunFolder:
         else:
             print(f"goes on from {self.cut_off}{self.longer}", flush=True)
             say_changes(self.starts.changes(start), "the last start")
-        content = yaml.safe_dump(self.request.plain(), sort_keys=False)
-        write_whole(self.path / CONFIG, content)
+        write_whole(self.path / CONFIG, yaml.safe_dump(self.request.plain(), sort_keys=False))
         self.starts.add(start)
 
     def finish(self, best: dict[str, float], metrics: dict[str, float], seconds: float) -> None:
         """Write result.json, which marks the run as finished."""
-        self.finished = {
-            "hash": hash_of(self.request.options),
-            "run": self.starts.run,
-            "epochs": self.request.epochs,
-            "best": best,
-            "metrics": metrics,
-            "seconds": seconds,
-        }
+        about = {"hash": hash_of(self.request.options), "run": self.starts.run}
+        scores = {"best": best, "metrics": metrics}
+        self.finished = {**about, "epochs": self.request.epochs, **scores, "seconds": seconds}
         self.decorated(DECORATIONS)
 
     def decorated(self, undone: tuple[str, ...] | list[str]) -> None:
         """Record in result.json which decorations are still to be made."""
-        panels = self.request.panels
-        self.finished |= {"panels": panels, "undone": list(undone)}
+        self.finished |= {"panels": self.request.panels, "undone": list(undone)}
         write_json(self.path / RESULT, self.finished)
 
     @property
