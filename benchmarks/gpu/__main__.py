@@ -65,7 +65,7 @@ def parser() -> argparse.ArgumentParser:
     made = argparse.ArgumentParser("gpu", description=__doc__, formatter_class=form)
     made.add_argument("out", type=Path, help="folder of the results")
     made.add_argument("--device", choices=("cuda", "cpu"), default="cuda", help="where to compute")
-    made.add_argument("--seconds", type=float, default=240.0, help="limit of all stages together")
+    made.add_argument("--seconds", type=float, default=540.0, help="limit of all stages together")
     made.add_argument(
         "--only", nargs="+", default=GROUPS, help=f"{', '.join(GROUPS)}, or one of them, as speed:bts"
     )

@@ -16,7 +16,7 @@ from benchmarks.gpu.results import STAGES, Record, Results
 from benchmarks.gpu.setting import NAMES, Setting
 from col3d.errors import DataError
 
-GROUPS = ("parity", "speed", "inside", "loader", "compiled")
+GROUPS = ("parity", "speed", "inside", "loader", "training", "compiled", "largest")
 NOT_RUN = "not run"
 LEAST_SECONDS = 2.0
 """A stage with less time left is not begun."""
@@ -49,7 +49,7 @@ class Stage:
 
 
 def stages(chosen: Sequence[str] = GROUPS) -> list[Stage]:
-    """Those of some groups, or `group:item`: what proves most in least time comes first, the compiler last.
+    """Those of some groups, or `group:item`: what proves most in least time comes first.
 
     Raises:
         DataError: there is no such stage.
@@ -58,8 +58,9 @@ def stages(chosen: Sequence[str] = GROUPS) -> list[Stage]:
     first, second, *others = NAMES
     found += [Stage("speed", first, 40, _speed), Stage("speed", second, 60, _speed)]
     found += [Stage("inside", first, 30, _inside)]
+    found += [Stage("loader", first, 90, _loader), Stage("training", first, 240, _training)]
+    found += [Stage("compiled", first, 150, _compiled), Stage("largest", first, 30, _largest)]
     found += [Stage("speed", name, 25, _speed) for name in others]
-    found += [Stage("loader", first, 45, _loader), Stage("compiled", first, 150, _compiled)]
     known = {*GROUPS, *(stage.name for stage in found)}
     if unknown := sorted(set(chosen) - known):
         raise DataError(f"--only: expected names of {', '.join(sorted(known))}; got {', '.join(unknown)}")
@@ -150,3 +151,15 @@ def _compiled(setting: Setting, name: str) -> Iterable[Record]:
     from benchmarks.gpu.compiled import compiled
 
     return compiled(setting, name)
+
+
+def _training(setting: Setting, name: str) -> Iterable[Record]:
+    from benchmarks.gpu.trainings import trainings
+
+    return trainings(setting, name)
+
+
+def _largest(setting: Setting, name: str) -> Iterable[Record]:
+    from benchmarks.gpu.largest import largest
+
+    return largest(setting, name)

@@ -15,10 +15,12 @@ from parity import needs_parity
 
 from benchmarks.gpu.__main__ import main
 from benchmarks.gpu.inside import KINDS, REST, kind_of
+from benchmarks.gpu.largest import most
 from benchmarks.gpu.parity import TABLE, Tolerance
 from benchmarks.gpu.results import Record, Results
 from benchmarks.gpu.setting import Setting, smallest
 from benchmarks.gpu.stages import Stage, run_stages, stages
+from benchmarks.gpu.trainings import TABLE as TRAININGS
 from col3d.errors import DataError
 
 pytestmark = pytest.mark.end_to_end
@@ -64,6 +66,32 @@ def test_frames_are_followed_from_the_store_to_the_step(tmp_path: Path) -> None:
     assert all(rate > 0 for rate in rates.values())
 
 
+def test_a_training_is_repeated_stopped_and_gone_on_with_to_the_bit(tmp_path: Path) -> None:
+    assert main([str(tmp_path), *["--device", "cpu", "--quick", "--only", "training"]]) == 0
+    rows = [line for line in lines_of(tmp_path) if line["table"] == TRAININGS]
+    assert len(rows) == 4
+    assert all(row[""] and row["AbsRel"] > 0 for row in rows)
+
+
+def test_the_largest_batch_needs_a_gpu(tmp_path: Path) -> None:
+    assert main([str(tmp_path), *["--device", "cpu", "--quick", "--only", "largest"]]) == 0
+    assert {line["largest batch"] for line in lines_of(tmp_path) if "largest batch" in line} == {
+        "not measured: needs CUDA"
+    }
+
+
+@pytest.mark.parametrize("limit", [*range(12), 40])
+def test_the_largest_number_that_fits(limit: int) -> None:
+    tried: list[int] = []
+
+    def fits(number: int) -> bool:
+        tried.append(number)
+        return number <= limit
+
+    assert most(fits, 4, 10) == (0 if limit < 4 else min(limit, 10))
+    assert len(tried) <= 4
+
+
 @needs_parity
 def test_parity_of_one_network(tmp_path: Path) -> None:
     assert main([str(tmp_path), *["--device", "cpu", "--quick", "--only", "parity:monodepth_fpn"]]) == 0
@@ -104,7 +132,7 @@ def test_a_stage_that_fails_does_not_end_the_others(tmp_path: Path, monkeypatch:
 
 
 def test_stages_are_chosen_by_their_names() -> None:
-    assert [stage.name for stage in stages()][-1] == "compiled:col3d_mtl"
+    assert [stage.name for stage in stages()][-1] == "speed:pix2pix"
     assert [stage.name for stage in stages(["speed:bts", "inside"])] == ["inside:col3d_mtl", "speed:bts"]
     with pytest.raises(DataError, match=r"^--only: expected names of .*; got speed:btz$"):
         stages(["speed:btz"])
