@@ -1,5 +1,5 @@
 .DEFAULT_GOAL := help
-.PHONY: help setup system phantom train app benchmark speed test test-all test-slurm lint format docs clean
+.PHONY: help setup system phantom train app benchmark speed test test-all test-oldest test-slurm lint format docs clean
 
 PYTHON ?= python3
 BIN := .venv/bin
@@ -7,6 +7,7 @@ CORE := .venv/.core
 DEMO := .venv/.demo
 READY := .venv/.ready
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
+OLDEST := torch==2.11.0 torchvision==0.26.0
 ARGS ?=
 PRESET ?= laptop
 DATA ?= phantom
@@ -70,6 +71,12 @@ test: $(READY) lint  ## Run linters, type checks, unit tests, laws, references a
 test-all: test  ## The same, then the README's commands, notebooks, pages in a browser, the wheel, kills, sweeps, two processes
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 -m end_to_end $(ARGS)
 
+test-oldest:  ## The unit tests again on the oldest torch that works, in .venv-oldest (6 GB)
+	$(PYTHON) -m venv .venv-oldest
+	grep -vE '^(torch|torchvision|triton|nvidia-.*|cuda-.*)==' constraints.txt > .venv-oldest/constraints.txt
+	.venv-oldest/bin/python -m pip --quiet install -c .venv-oldest/constraints.txt $(OLDEST) -e '.[dev]'
+	OMP_NUM_THREADS=1 .venv-oldest/bin/python -m pytest -n 2 -m "not end_to_end" $(ARGS)
+
 test-slurm: $(READY)  ## Run sweeps on a SLURM of this machine (root; apt-get install slurm-wlm munge; 8 minutes)
 	$(BIN)/python tests/slurm/trial.py
 
@@ -87,4 +94,4 @@ docs: $(READY)  ## Build the pages of docs/ and the API into docs/_build/html, s
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
 
 clean:  ## Remove .venv and caches; data and runs stay
-	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
+	rm -rf .venv .venv-oldest .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
