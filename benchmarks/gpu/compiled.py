@@ -23,22 +23,26 @@ KINDS = (("step", step_seconds), ("forward", forward_seconds))
 def compiled(setting: Setting, item: str) -> Iterator[Record]:
     """In the fastest precision first, for each takes the compiler long."""
     plain, published = _pair(setting)
-    generated = _generated(setting, plain)
-    for mode in (BFLOAT16,) if setting.quick else (BFLOAT16, TF32):
-        keys: list[Key] = [(generated, mode), (plain, mode), (published, FLOAT32)]
-        for kind, measure in KINDS[: 1 if setting.quick else None]:
-            until = _first(setting, generated, mode, kind == "step")
-            seconds = measure(setting, keys)
-            taken = {key[0].name: seconds[key] for key in keys}
-            yield {
-                "table": f"Col3D-MTL in generated code (torch.compile), {setting.size}",
-                "what": kind,
-                "precision": mode.name,
-                "first, s": until,
-                **{f"{name}, ms": MS * median(values) for name, values in taken.items()},
-                "col3d / compiled": median(ratios(taken[OWN_FORMAT], taken[generated.name])),
-                "published code in float32 / compiled": median(ratios(taken[TWIN], taken[generated.name])),
-            }
+    for cudagraphs in (False, True):
+        generated = _generated(setting, plain, cudagraphs)
+        for mode in (BFLOAT16,) if setting.quick else (BFLOAT16, TF32):
+            keys: list[Key] = [(generated, mode), (plain, mode), (published, FLOAT32)]
+            for kind, measure in KINDS[: 1 if setting.quick else None]:
+                until = _first(setting, generated, mode, kind == "step")
+                seconds = measure(setting, keys)
+                taken = {key[0].name: seconds[key] for key in keys}
+                ours = taken[generated.name]
+                yield {
+                    "table": f"Col3D-MTL in generated code (torch.compile), {setting.size}",
+                    "what": f"{kind}, CUDA graphs" if cudagraphs else kind,
+                    "precision": mode.name,
+                    "first, s": until,
+                    **{f"{name}, ms": MS * median(values) for name, values in taken.items()},
+                    "col3d / compiled": median(ratios(taken[OWN_FORMAT], ours)),
+                    "published code in float32 / compiled": median(
+                        ratios(taken[TWIN], taken[generated.name])
+                    ),
+                }
 
 
 def _pair(setting: Setting) -> tuple[Subject, Subject]:
@@ -46,13 +50,13 @@ def _pair(setting: Setting) -> tuple[Subject, Subject]:
     return found[OWN_FORMAT], found[TWIN]
 
 
-def _generated(setting: Setting, plain: Subject) -> Subject:
+def _generated(setting: Setting, plain: Subject, cudagraphs: bool) -> Subject:
     network = copy.deepcopy(plain.module)
     assert isinstance(network, DepthNetwork)
     if setting.quick:
         network.compile(backend="eager", dynamic=False)  # traces as the compiler does, and generates nothing
     else:
-        compile_network(network)
+        compile_network(network, cudagraphs=cudagraphs)
     # images are those of a batch: normalising them is in the generated code, and too little to matter
     return subject("compiled", network, network.__call__, options_of(setting, NETWORK))
 

@@ -27,7 +27,7 @@ pytestmark = pytest.mark.end_to_end
 Compose = Callable[..., dict[str, Any]]
 SELDOM = "callbacks.checkpoint_minutes=60"
 RENAMED = {"accumulate": "accumulate_grad_batches", "gradient_clip": "gradient_clip_val"}
-OURS = {"compile"}
+OURS = {"compile", "cudagraphs"}
 
 
 def checked(*overrides: str) -> TrainOptions:
@@ -67,6 +67,7 @@ def test_what_is_given_reaches_the_trainer(override: str, attribute: str, value:
             "trainer.gradient_clip_val: is called trainer.gradient_clip",
         ),
         (["++trainer.max_epoch=5"], "trainer.max_epoch: no such option; did you mean 'trainer.max_epochs'?"),
+        (["trainer.cudagraphs=true"], "trainer.cudagraphs: needs trainer.compile=true"),
         (["trainer.limit_val_batches=0"], "trainer.limit_val_batches: expected greater than 0"),
         (["trainer.limit_val_batches=1.5"], "trainer.limit_val_batches: expected "),
         (["trainer.check_val_every_n_epoch=99"], "trainer.check_val_every_n_epoch: expected at most"),

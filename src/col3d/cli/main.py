@@ -10,6 +10,8 @@ from col3d.errors import OptionError, nearest_name
 from col3d.signals import startup as early
 
 EXIT_CODE = 2
+WAITING = ("OMP_WAIT_POLICY", "PASSIVE")
+"""Let waiting threads of torch sleep: if they spin, programs that share cores slow each other down."""
 HELP = ("--help", "-h", "help")
 
 

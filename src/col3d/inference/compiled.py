@@ -10,7 +10,7 @@ from col3d.errors import UserError
 COMPILERS = ("c++", "g++", "clang++")
 
 
-def compile_network(network: nn.Module, trained: bool = False) -> None:
+def compile_network(network: nn.Module, trained: bool = False, cudagraphs: bool = False) -> None:
     """Compile a network when it is first called, for each size of a batch and each mode.
 
     The module stays the same: its state dict has the same names, and `network.forward` is the plain code.
@@ -19,6 +19,7 @@ def compile_network(network: nn.Module, trained: bool = False) -> None:
         network: network on its device.
         trained: whether its weights are final. They are then frozen into the code, in the layout in which it
             reads them and with batch norms folded in; the code works only without gradients.
+        cudagraphs: whether a GPU is given the kernels of a pass as one graph, which takes memory of its own.
 
     Raises:
         UserError: there is no C++ compiler.
@@ -29,4 +30,4 @@ def compile_network(network: nn.Module, trained: bool = False) -> None:
             f"compile: needs a C++ compiler, and there is none ({', '.join(wanted)}); "
             "install one, as g++, or leave it false"
         )
-    network.compile(dynamic=False, options={"freezing": trained})
+    network.compile(dynamic=False, options={"freezing": trained, "triton.cudagraphs": cudagraphs})

@@ -23,7 +23,7 @@ from col3d.losses import WeightedLoss
 from col3d.metrics.measure import try_metrics
 from col3d.registry.refusals import check_options
 from col3d.runs.checkpoint_callbacks import About, BestCheckpoint, LastCheckpoint
-from col3d.runs.environment import check_accelerator, quiet
+from col3d.runs.environment import check_accelerator, device_for, quiet
 from col3d.runs.folder import CHECKPOINTS, KIND, RunFolder
 from col3d.runs.known_failures import as_user_errors
 from col3d.runs.lock import locked
@@ -74,6 +74,8 @@ def train(given: Mapping[str, Any]) -> float | tuple[float, ...]:
     quiet()
     options = check_options(TrainOptions, given)
     check_accelerator(options.trainer.accelerator)
+    if options.trainer.cudagraphs and device_for(options.trainer.accelerator).type != "cuda":
+        raise UserError("trainer.cudagraphs: needs a GPU, and this training has none; leave it false")
     check_installed(options.logger)
     if options.trainer.fast_dev_run:
         with trial(options) as options_of_trial:
@@ -126,7 +128,7 @@ def _run(options: TrainOptions, folder: RunFolder, stop: StopSignals, status: Jo
     if folder.cut_off is None:
         begin_from(task.network, options.init, say)
     if options.trainer.compile:
-        compile_network(task.network)
+        compile_network(task.network, cudagraphs=options.trainer.cudagraphs)
     learns_normals = bool(options.loss.learning_from("normals"))
     check_truth(frames.frames, options.data, options.one_protocol[1].truth_range, learns_normals, say)
     scored = Scored.after(options.data, "test")

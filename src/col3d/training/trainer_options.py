@@ -47,6 +47,7 @@ class TrainerOptions(Options):
     gradient_clip: Annotated[PositiveFloat | None, NoneWord]
     accumulate: PositiveInt
     compile: bool
+    cudagraphs: bool = False
     deterministic: bool | Literal["warn"]
     limit_train_batches: Limit
     limit_val_batches: Limit = None
@@ -80,6 +81,8 @@ class TrainerOptions(Options):
                 f"trainer.check_val_every_n_epoch: expected at most trainer.max_epochs={self.max_epochs}, "
                 f"got {every}: the best epoch is one that is validated"
             )
+        if self.cudagraphs and not self.compile:
+            raise OptionError("trainer.cudagraphs: needs trainer.compile=true")
         if self.gradient_clip_algorithm is not None and self.gradient_clip is None:
             raise OptionError("trainer.gradient_clip_algorithm: needs trainer.gradient_clip")
         if self.overfit_batches is not None and self.limit_train_batches is not None:
