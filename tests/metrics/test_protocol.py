@@ -10,8 +10,8 @@ from torch import Tensor
 
 from col3d.batch import Batch
 from col3d.metrics import Protocol
+from col3d.metrics.alignment import FITS, alignment
 from col3d.metrics.functional import depth_metrics, normal_metrics
-from col3d.metrics.protocol import SCALINGS
 
 PUBLISHED = Protocol("published", truth_range=(1e-3, 100.0), cosine_epsilon=1e-3, normal_axes="published")
 
@@ -57,13 +57,14 @@ def test_fits_are_those_of_numpy(batch: Batch) -> None:
             ("median", p * (np.median(t) / np.median(p))),
             ("scale_and_shift", slope * p + offset),
         ):
-            found = SCALINGS[name](guess, batch["depth"], batch["mask"])[i].numpy()[counts]
+            pair = torch.from_numpy(p).double(), torch.from_numpy(t).double()
+            found = alignment(name, "depth", [pair])(pair[0]).numpy()
             np.testing.assert_allclose(found, expected, rtol=1e-5)
 
 
 def test_a_frame_that_nothing_counts_of_has_no_metrics(batch: Batch) -> None:
     batch["mask"][1] = False
-    for scaling in SCALINGS:
+    for scaling in FITS:
         values = Protocol(scaling=scaling).score({"depth": batch["depth"] * 2}, batch)
         assert values["pixels"][1] == 0
         assert values["abs_rel"].isnan().tolist() == [False, True, False]

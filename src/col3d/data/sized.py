@@ -63,11 +63,11 @@ class Resized(SizedFrames):
         return encode(item, depth) | about
 
 
-class WithMixedTruth(Dataset[dict[str, Any]]):
-    """A data set's frames, resized as published programs do it; in standard units alone, for scoring."""
+class WithTruthOf(Dataset[dict[str, Any]]):
+    """A data set's frames, their truth resized in a way of `Resize`; in standard units alone, for scoring."""
 
-    def __init__(self, frames: FrameSet, size_hw: tuple[int, int]) -> None:
-        self.frames, self.resize = frames, Resize(size_hw, frames.camera, "mixed")
+    def __init__(self, frames: FrameSet, size_hw: tuple[int, int], truth: str) -> None:
+        self.frames, self.resize = frames, Resize(size_hw, frames.camera, truth)
         self.dense_truth = frames.dense_truth
 
     def __len__(self) -> int:

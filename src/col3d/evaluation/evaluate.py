@@ -96,9 +96,8 @@ def _check_truth(
 
 def _results(setup: EvaluationSetup, options: EvaluateOptions, name: str, frames: int) -> Results:
     facts = facts_of(setup.name, setup.seed, setup.scored, name)
-    average = options.protocol[name].average
-    lengths = {str(options.split): frames}
-    results = Results(facts, _folder(options, name), KIND, setup.scored, lengths, options.panels, average)
+    protocol, lengths = options.protocol[name], {str(options.split): frames}
+    results = Results(facts, _folder(options, name), KIND, setup.scored, lengths, options.panels, protocol)
     results.panels.choose(frames)
     return results
 

@@ -2,15 +2,39 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field, PositiveFloat, PositiveInt, model_validator
+from pydantic import AfterValidator, Field, PositiveFloat, PositiveInt, model_validator
 
 from col3d.data.options import Data, Size, Split
+from col3d.errors import check_known
 from col3d.metrics import Protocol
+from col3d.metrics.alignment import FITS, IN_WORDS
 from col3d.metrics.options import MetricOptions
 from col3d.models.published.options import Published
 from col3d.phantom.options import PhantomOptions
+from col3d.registry import METRICS
 from col3d.registry.fields import Accelerator, NonNegative
 from col3d.registry.schema import NoneWord, Options
+
+ALL = 1e6
+"""Upper bound of the true depth in mm from which a protocol counts all of it: a kilometre."""
+LEAST = 1e-6
+"""Lower bound in mm up to which tables say 0."""
+SIZES = {"network": "the network's size", "native": "its own size"}
+TRUTHS = {
+    "clean": "without unknown pixels mixed in",
+    "mixed": "with unknown pixels mixed in",
+    "area": "averaged over areas",
+}
+
+
+def _fit(name: str) -> str:
+    return check_known("protocol.scaling", name, FITS)
+
+
+def _metrics(names: list[str] | None) -> list[str] | None:
+    for name in names or ():
+        METRICS[name]  # refuses a name that is unknown
+    return names
 
 
 class ProtocolOptions(Options):
@@ -18,32 +42,71 @@ class ProtocolOptions(Options):
 
     mirror: Annotated[Literal["mean", "ramp"] | None, NoneWord]
     resolution: Literal["network", "native"]
-    truth: Literal["clean", "mixed"]
+    truth: Literal["clean", "mixed", "area"]
     truth_range: Annotated[list[NonNegative], Field(min_length=2, max_length=2)]
-    scaling: Literal["none", "median", "scale_and_shift"]
+    positive: bool = False
+    clip: Annotated[list[NonNegative], Field(min_length=2, max_length=2)] | None = None
+    scaling: Annotated[str, AfterValidator(_fit)]
+    scaling_of: Literal["depth", "inverse_depth"] = "depth"
+    scaling_over: Literal["frame", "video"] = "frame"
+    epsilon: NonNegative = 0.0
     cosine_epsilon: NonNegative
     normal_axes: Literal["standard", "published"]
+    metrics: Annotated[list[str] | None, AfterValidator(_metrics)] = None
+    metric_options: MetricOptions
     average: Literal["frame", "video", "pixel"]
 
     @property
     def has_own_truth(self) -> bool:
         """Whether predictions are compared with other frames than those they are made from."""
-        return self.resolution == "native" or self.truth == "mixed"
+        return self.resolution == "native" or self.truth != "clean"
+
+    @property
+    def keeps_panels(self) -> bool:
+        """Whether the frames that are compared can be drawn: those of the network's size, one by one."""
+        return self.resolution == "network" and self.scaling_over == "frame"
+
+    def in_words(self) -> dict[str, str]:
+        """What every table says of a protocol: the mask, the alignment, the truth and the average."""
+        low, high = self.truth_range
+        bounds = f"within {low:g} and {high:g}" if high < ALL else f"above {low if low > LEAST else 0:g}"
+        known = f"true depth {bounds} mm"
+        fit = IN_WORDS[self.scaling].format(of="" if self.scaling_of == "depth" else " of inverse depth")
+        if self.scaling != "none":
+            fit = f"{fit}, for each {self.scaling_over}"
+        return {
+            "mask": f"{known}, predictions above 0" if self.positive else known,
+            "alignment": fit,
+            "truth": f"{TRUTHS[self.truth]}, at {SIZES[self.resolution]}",
+            "average": f"each {self.average} alike",
+        }
 
     @model_validator(mode="after")
-    def _has_a_range(self) -> "ProtocolOptions":
-        if self.truth_range[0] >= self.truth_range[1]:
-            raise ValueError(
-                f"protocol.truth_range: expected [low,high] with low below high, got {self.truth_range}"
-            )
+    def _has_ranges(self) -> "ProtocolOptions":
+        for name in ("truth_range", "clip"):
+            limits = getattr(self, name)
+            if limits is not None and limits[0] >= limits[1]:
+                raise ValueError(f"protocol.{name}: expected [low,high] with low below high, got {limits}")
         return self
 
 
 def build_protocol(name: str, options: ProtocolOptions, metrics: MetricOptions) -> Protocol:
-    """Build the protocol of its options; `metrics` are options of metrics by name."""
+    """Build the protocol of its options; `metrics` are options of metrics, over the protocol's own."""
     low, high = options.truth_range
+    clip = None if options.clip is None else (options.clip[0], options.clip[1])
     return Protocol(
-        name, options.scaling, (low, high), options.cosine_epsilon, options.normal_axes, metrics=metrics
+        name,
+        scaling=options.scaling,
+        scaling_of=options.scaling_of,
+        scaling_over=options.scaling_over,
+        truth_range=(low, high),
+        cosine_epsilon=options.cosine_epsilon,
+        normal_axes=options.normal_axes,
+        clip=clip,
+        positive=options.positive,
+        epsilon=options.epsilon,
+        names=None if options.metrics is None else tuple(options.metrics),
+        metrics={**options.metric_options, **metrics},
     )
 
 

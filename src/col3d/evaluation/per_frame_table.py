@@ -1,7 +1,7 @@
 """Table of the metrics of every scored frame, written to `per_frame.csv`."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import torch
@@ -21,13 +21,18 @@ class PerFrameTable:
         path: path of the file.
         facts: columns that are the same for all rows: model, seed, data, split, protocol.
         describe: function video -> (segment, texture).
+        metrics: names of the metrics; all but those that have to be named when absent.
     """
 
     def __init__(
-        self, path: Path, facts: Mapping[str, str | int], describe: Callable[[str], tuple[str, str]]
+        self,
+        path: Path,
+        facts: Mapping[str, str | int],
+        describe: Callable[[str], tuple[str, str]],
+        metrics: Sequence[str] | None = None,
     ) -> None:
         self.path, self.facts, self.describe = path, dict(facts), describe
-        self.specs = registered_specs()
+        self.specs = registered_specs(names=metrics)
         self.rows: list[Row] = []
         self.baseline: list[Row] = []
 

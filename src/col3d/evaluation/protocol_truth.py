@@ -8,7 +8,7 @@ from col3d.batch import Batch
 from col3d.data.build import full_frames
 from col3d.data.datamodule import FrameDataModule, Frames
 from col3d.data.options import SourceOptions
-from col3d.data.sized import WithMixedTruth
+from col3d.data.sized import WithTruthOf
 from col3d.evaluation.options import ProtocolOptions
 from col3d.phantom.options import PhantomOptions
 
@@ -34,7 +34,9 @@ def own_truths(
     whole = full_frames(source, phantom, part)
 
     def truth_of(options: ProtocolOptions) -> Frames:
-        return whole if options.resolution == "native" else WithMixedTruth(whole, (size[0], size[1]))
+        return (
+            whole if options.resolution == "native" else WithTruthOf(whole, (size[0], size[1]), options.truth)
+        )
 
     return {name: truth_of(options) if name in own else None for name, options in protocols.items()}
 

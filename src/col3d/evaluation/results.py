@@ -10,6 +10,7 @@ from PIL import Image
 from torch import nn
 
 from col3d.data.datasets.videos import describe
+from col3d.evaluation.options import ProtocolOptions
 from col3d.evaluation.panels import ImagePanels
 from col3d.evaluation.per_frame_table import PerFrameTable
 from col3d.evaluation.scored_part import Scored
@@ -52,7 +53,7 @@ class Results:
         scored: the part of a split that is scored.
         frames: number of frames of each part.
         panels: number of pictures.
-        average: unit with equal weight in the means: frame, video or pixel.
+        protocol: options of the protocol.
         changed: lines about what changed between the starts of the training.
     """
 
@@ -64,18 +65,20 @@ class Results:
         scored: Scored,
         frames: Mapping[str, int],
         panels: int,
-        average: str = "frame",
+        protocol: ProtocolOptions,
         changed: Sequence[str] = (),
     ) -> None:
-        self.folder, self.facts, self.average = folder, facts, average
+        self.folder, self.facts, self.average = folder, facts, protocol.average
         self.context: dict[str, Any] = {
             "split_name": scored.source.split.name,
             "size": list(scored.size),
             "frames_by_split": dict(frames),
             "shared_with_training": {row.video: row.worst for row in scored.shared},
             "changed_between_starts": list(changed),
+            "scoring": protocol.in_words(),
+            **({} if protocol.metrics is None else {"metrics_named": protocol.metrics}),
         }
-        self.table = PerFrameTable(folder / "per_frame.csv", self.facts, describe)
+        self.table = PerFrameTable(folder / "per_frame.csv", self.facts, describe, protocol.metrics)
         self.panels = ImagePanels(folder, kind, panels)
 
     def write(

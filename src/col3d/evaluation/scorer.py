@@ -2,9 +2,11 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import torch
+from lightning.fabric.utilities import move_data_to_device
 from torch import Tensor, nn
 
 from col3d.batch import Batch, Prediction
@@ -17,7 +19,11 @@ from col3d.evaluation.protocol_truth import one_by_one
 from col3d.evaluation.results import Results
 from col3d.io.predictions import PredictionWriter
 from col3d.metrics import Protocol
+from col3d.metrics.alignment import Aligned
 from col3d.metrics.options import MetricOptions
+
+SCORED = ("depth", "normals", "mask", "video", "frame")
+"""What of a frame is needed to score it."""
 
 
 @dataclass
@@ -31,6 +37,8 @@ class Scoring:
         mirror: way of mirroring whose predictions are scored.
         truth: batches of one frame in the order of the predictions, if the protocol compares with other
             frames than the batch that they were made from; else None.
+        video: frames of the current video, each as a batch of one with its prediction, if the protocol aligns
+            the predictions of a video together.
     """
 
     protocol: Protocol
@@ -38,27 +46,68 @@ class Scoring:
     panels: ImagePanels | None = None
     mirror: Mirror = None
     truth: Iterator[Batch] | None = None
+    video: list[tuple[Batch, Prediction]] = field(default_factory=list)
 
     def add(self, batch: Batch, prediction: Prediction, mean_depth: Tensor | None) -> None:
         """Score a batch, and the mean training depth as a baseline."""
-        if self.truth is None:
+        if self.truth is None and not self.protocol.aligns_videos:
             self._add(batch, prediction, mean_depth)
             return
         for index in range(len(batch["video"])):
-            one: Prediction = {name: values[index : index + 1] for name, values in prediction.items()}  # type: ignore[assignment,index]
-            truth = next(self.truth)
-            scored = (batch["video"][index], int(batch["frame"][index]))
-            assert scored == (truth["video"][0], int(truth["frame"][0])), (scored, truth["video"])
-            self._add(truth, one, mean_depth)
+            frame, one = _frame(batch, index), _frame(prediction, index)
+            if self.truth is not None:
+                truth = next(self.truth)
+                scored = (frame["video"][0], int(frame["frame"][0]))
+                assert scored == (truth["video"][0], int(truth["frame"][0])), (scored, truth["video"])
+                frame = truth
+            if not self.protocol.aligns_videos:
+                self._add(frame, one, mean_depth)
+                continue
+            if self.video and self.video[0][0]["video"] != frame["video"]:
+                self.finish(mean_depth)
+            kept = {
+                name: frame[name] for name in SCORED if name in frame
+            }  # a video of images takes gigabytes
+            self.video.append(move_data_to_device((kept, one), "cpu"))
 
-    def _add(self, batch: Batch, prediction: Prediction, mean_depth: Tensor | None) -> None:
-        values, baseline = self.protocol.score(prediction, batch), {}
+    def finish(self, mean_depth: Tensor | None) -> None:
+        """Score the frames of a video whose predictions are aligned together."""
+        if not self.video:
+            return
+        aligned = self.protocol.of_video((prediction, batch) for batch, prediction in self.video)
+        constant = mean_depth is not None and self.protocol.of_video(
+            (_constant(mean_depth, batch), batch) for batch, _ in self.video
+        )
+        for batch, prediction in self.video:
+            self._add(batch, prediction, mean_depth, aligned, constant or None)
+        self.video = []
+
+    def _add(
+        self,
+        batch: Batch,
+        prediction: Prediction,
+        mean_depth: Tensor | None,
+        aligned: Aligned | None = None,
+        constant: Aligned | None = None,
+    ) -> None:
+        values, baseline = self.protocol.score(prediction, batch, aligned=aligned), {}
         if mean_depth is not None:
-            constant: Prediction = {"depth": mean_depth.to(batch["depth"].device).expand_as(batch["depth"])}
-            baseline = self.protocol.score(constant, batch, validation=True)
+            mean = _constant(mean_depth, batch)
+            baseline = self.protocol.score(
+                mean, batch, validation=self.protocol.names is None, aligned=constant
+            )
         self.table.add(batch, values, baseline)
         if self.panels is not None:
             self.panels.keep(batch, prediction, values)
+
+
+def _frame(maps: Any, index: int) -> Any:
+    """One frame of a batch or of a prediction, as a batch of one."""
+    return {name: values[index : index + 1] for name, values in maps.items()}
+
+
+def _constant(mean_depth: Tensor, batch: Batch) -> Prediction:
+    return {"depth": mean_depth.to(batch["depth"].device).expand_as(batch["depth"])}
 
 
 def scorings_of(
@@ -83,7 +132,9 @@ def scorings_of(
         Scoring(
             build_protocol(name, options, metrics),
             results[name].table,
-            None if options.resolution == "native" else results[name].panels,
+            None
+            if options.resolution == "native" or options.scaling_over == "video"
+            else results[name].panels,
             options.mirror,
             one_by_one(truths[name], workers, device),
         )
@@ -143,4 +194,6 @@ def score(
         for writer in writers.values():
             writer.finish()
     for scoring in scorings:
+        with torch.inference_mode():
+            scoring.finish(mean_depth)
         scoring.table.gather()

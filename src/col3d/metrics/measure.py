@@ -1,6 +1,6 @@
 """Compute every registered metric of a task, calling each function once."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from inspect import signature
 from types import MappingProxyType
 from typing import Any
@@ -22,14 +22,17 @@ SMALLEST = 1e-3
 """Lower bound in mm that predicted depth is clipped to, so that its logarithm exists."""
 
 
-def registered_specs(task: str | None = None, validation: bool = False) -> dict[str, MetricSpec]:
+def registered_specs(
+    task: str | None = None, validation: bool = False, names: Sequence[str] | None = None
+) -> dict[str, MetricSpec]:
     """Spec of each registered metric, by name: ours in the order of their columns, then others'.
 
     Args:
         task: "depth" or "normals"; both when absent.
         validation: whether to leave out metrics that are not measured after every epoch.
+        names: those that are wanted; all but those that have to be named when absent.
     """
-    return by_name(part.facts["spec"] for part in _parts(task, validation))
+    return by_name(part.facts["spec"] for part in _parts(task, validation, names))
 
 
 def measure(
@@ -40,8 +43,10 @@ def measure(
     *,
     max_depth: float = float("inf"),
     cosine_epsilon: float = 0.0,
+    epsilon: float = 0.0,
     options: Options = NONE,
     validation: bool = False,
+    names: Sequence[str] | None = None,
 ) -> dict[str, Float[Tensor, " b"]]:
     """The registered metrics of a task, one value a frame.
 
@@ -52,15 +57,18 @@ def measure(
         mask: True where a pixel counts.
         max_depth: upper bound that depth is clipped to.
         cosine_epsilon: passed to functions that have such a parameter.
+        epsilon: likewise, in mm.
         options: options of metrics, by their names.
         validation: whether to leave out metrics that are not measured after every epoch.
+        names: those that are wanted; all but those that have to be named when absent.
 
     Raises:
         UserError: a function returns something else than one value a frame. What a function raises itself
             is left as it is.
     """
-    limits = {"min_depth": SMALLEST, "max_depth": max_depth, "cosine_epsilon": cosine_epsilon}
-    parts = _parts(task, validation)
+    limits = {"min_depth": SMALLEST, "max_depth": max_depth}
+    limits |= {"cosine_epsilon": cosine_epsilon, "epsilon": epsilon}
+    parts = _parts(task, validation, names)
     values: dict[str, Tensor] = {}
     for function_parts in _by_function(parts):
         values |= _called(function_parts, (preds, target, mask), limits, options)
@@ -74,7 +82,7 @@ def try_metrics(tasks: tuple[str, ...], size_hw: tuple[int, int], options: Optio
         UserError: as `measure`; what a function raises itself is left as it is.
     """
     generator = torch.Generator().manual_seed(0)
-    limits = {"min_depth": SMALLEST, "max_depth": float("inf"), "cosine_epsilon": 0.0}
+    limits = {"min_depth": SMALLEST, "max_depth": float("inf"), "cosine_epsilon": 0.0, "epsilon": 0.0}
     mask = torch.ones(2, 1, *size_hw, dtype=torch.bool)
     for task in tasks:
         noise = torch.rand(2, 2, 1 if task == "depth" else 3, *size_hw, generator=generator)
@@ -88,14 +96,17 @@ def _facing(noise: Tensor) -> Tensor:
     return normalize(0.5 * noise - noise.new_tensor([0.0, 0.0, 1.5]).view(3, 1, 1), dim=-3)
 
 
-def _parts(task: str | None, validation: bool) -> list[Part]:
+def _parts(task: str | None, validation: bool, names: Sequence[str] | None = None) -> list[Part]:
     order = {name: place for place, name in enumerate(OURS)}
     METRICS.load()
     parts = sorted(METRICS.parts.values(), key=lambda part: order.get(part.name, len(order)))
+    specs = [(part, part.facts["spec"]) for part in parts]
     return [
         part
-        for part in parts
-        if task in (None, part.facts["spec"].task) and (part.facts["spec"].in_validation or not validation)
+        for part, spec in specs
+        if task in (None, spec.task)
+        and (spec.in_validation or not validation)
+        and (not spec.on_request if names is None else part.name in names)
     ]
 
 

@@ -5,6 +5,7 @@ from torch import Tensor
 
 from col3d.metrics.functional.boundary import boundary_f1
 from col3d.metrics.functional.depth import delta_share, depth_errors
+from col3d.metrics.functional.literature import literature_errors
 from col3d.metrics.functional.normals import normal_errors
 from col3d.metrics.functional.ranges import range_errors
 from col3d.registry import register_metrics
@@ -13,6 +14,7 @@ from col3d.registry.metric_specs import (
     DELTA_1_1,
     DEPTH_RANGES,
     FURTHER_NORMALS,
+    LITERATURE,
     MAE,
     PAPER_DEPTH,
     PAPER_NORMALS,
@@ -22,6 +24,7 @@ register_metrics((*PAPER_DEPTH, MAE), depth_errors)
 register_metrics((*PAPER_NORMALS, *FURTHER_NORMALS), normal_errors)
 register_metrics(DEPTH_RANGES, range_errors)
 register_metrics((BOUNDARY_F1,), boundary_f1)
+register_metrics(LITERATURE, literature_errors)
 
 
 def delta_1_1(

@@ -44,6 +44,7 @@ class MetricSpec:
         on_screen: whether it is in the table that a run prints.
         by_video: whether it is in tables by video.
         further: whether it is in the table of further metrics instead of the main one.
+        on_request: whether it is measured only under protocols that name it.
     """
 
     name: str
@@ -62,6 +63,7 @@ class MetricSpec:
     on_screen: bool = True
     by_video: bool = True
     further: bool = False
+    on_request: bool = False
 
     @property
     def title(self) -> str:
@@ -207,5 +209,14 @@ FURTHER_NORMALS = (
 BOUNDARY_F1 = MetricSpec(
     "boundary_f1", better="higher", heading="Boundary F1", latex="Boundary F1", by_video=False, **PARTIAL
 )
+ON_REQUEST: dict[str, Any] = {"on_request": True, "in_validation": False, "over_pixels": None}
+LITERATURE = (
+    _ours("silog_half", "lower", heading="SILog, λ = 0.5", latex=r"SILog$_{0.5}$", **ON_REQUEST),
+    _ours("within_10_percent", "higher", heading="Abs Rel < 0.1", latex=r"Abs Rel $<0.1$", **ON_REQUEST),
+    _ours("l1_cm", "lower", heading="L1", latex="L1", unit="cm", **ON_REQUEST),
+    _ours("median_rel", "lower", heading="Median Rel", latex="Median Rel", unit="%", **ON_REQUEST),
+    _ours("rmse_cm", "lower", heading="RMSE", latex="RMSE", unit="cm", **ON_REQUEST),
+)
+"""Specs of metrics of other papers' programs, which only their protocols measure."""
 OURS = by_name((*PAPER_DEPTH, *PAPER_NORMALS, DELTA_1_1, MAE, *DEPTH_RANGES, *FURTHER_NORMALS, BOUNDARY_F1))
 """Specs of this package's metrics by name, in the order of their columns."""

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from col3d.reports.options import at
 from col3d.reports.runs import Run
@@ -14,6 +14,7 @@ class Setting:
 
     Attributes:
         digest: short hash of the lists of videos and of the frames that were scored.
+        scoring: mask and alignment of the protocol in words; empty for earlier runs.
     """
 
     data: str
@@ -25,11 +26,12 @@ class Setting:
     frames: int
     videos: int
     digest: str
+    scoring: str = field(default="", compare=False)
 
     def __str__(self) -> str:
         return (
             f"{self.data}, split {self.split}, {self.part} part, protocol {self.protocol}, size {self.size}, "
-            f"{self.frames} frames of {self.videos} video{'s' if self.videos > 1 else ''}"
+            f"{self.frames} frames of {self.videos} video{'s' if self.videos > 1 else ''}{self.scoring}"
         )
 
     @property
@@ -44,6 +46,7 @@ def setting_of(run: Run) -> Setting:
     size = recorded or at(run.options, "data.size") or ("unknown",)
     scored = list(zip(run.frames["video"].tolist(), run.frames["frame"].tolist(), strict=True))
     lists = json.dumps([at(run.options, "data.split"), scored], sort_keys=True)
+    words = at(run.summary, "scoring") or {}
     return Setting(
         data=str(run.summary["data"]),
         split=str(run.summary["split_name"]),
@@ -54,4 +57,5 @@ def setting_of(run: Run) -> Setting:
         frames=len(scored),
         videos=len({video for video, _ in scored}),
         digest=hashlib.sha1(lists.encode()).hexdigest()[:6],
+        scoring="".join(f"; {name}: {words[name]}" for name in ("mask", "alignment") if name in words),
     )

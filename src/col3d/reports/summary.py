@@ -9,11 +9,13 @@ from rich.table import Table
 from rich.text import Text
 
 from col3d.registry.metric_specs import OURS, TASKS, MetricSpec, specs_from
-from col3d.reports.per_frame import Row, by_video, means, metrics_in
+from col3d.reports.per_frame import PIXELS, Row, by_video, means, metrics_in
 from col3d.reports.screen import plain_console
 
 LOG_WIDTH = 120
 """Width in columns where the output is no terminal."""
+MOST = 12
+"""Metrics that a protocol names and that are all printed."""
 ALL_FRAMES, BASELINE = "all frames", "mean training depth"
 
 
@@ -33,7 +35,7 @@ def summarise(
         **facts,
         "average": average,
         "frames": len(rows),
-        "frames_without_truth": sum(row.get("abs_rel", "") == "" for row in rows),
+        "frames_without_truth": sum(row.get(PIXELS) == 0 for row in rows),
         "metrics": means(rows, average, specs),
         "videos": videos,
         "metric_specs": {name: specs[name].plain() for name in metrics_in(rows) if name in specs},
@@ -48,13 +50,23 @@ def specs_of(summary: Mapping[str, Any]) -> dict[str, MetricSpec]:
 
 def on_screen(summary: Mapping[str, Any]) -> dict[str, list[MetricSpec]]:
     """The metrics that a run prints, by task; a task of which nothing was measured is left out."""
-    specs = [spec for spec in specs_of(summary).values() if spec.on_screen]
-    tables = {task: [spec for spec in specs if spec.task == task] for task in TASKS}
+    named, specs = summary.get("metrics_named"), specs_of(summary)
+    if named is not None:  # by the protocol, which measures nothing else
+        specs = {name: specs[name] for name in named if name in specs}
+    if named is None or len(specs) > MOST:
+        specs = {name: spec for name, spec in specs.items() if spec.on_screen}
+    tables = {task: [spec for spec in specs.values() if spec.task == task] for task in TASKS}
     return {
         task: [spec for spec in task_specs if spec.name in summary["metrics"] or spec.name in OURS]
         for task, task_specs in tables.items()
         if task == TASKS[0] or any(spec.name in summary["metrics"] for spec in task_specs)
     }
+
+
+def scoring_lines(summary: Mapping[str, Any]) -> list[str]:
+    """What a run was scored by, in two lines: mask and alignment, truth and average; none of earlier runs."""
+    words = [f"{name}: {text}" for name, text in (summary.get("scoring") or {}).items()]
+    return ["; ".join(words[start : start + 2]) for start in range(0, len(words), 2)]
 
 
 def print_summary(summary: Mapping[str, Any], console: Console | None = None) -> None:
@@ -65,6 +77,8 @@ def print_summary(summary: Mapping[str, Any], console: Console | None = None) ->
     title = "{model} on {data}, {split} split, seed {seed}, protocol {protocol}".format(**summary)
     for task, metrics in on_screen(summary).items():
         console.print(_table(f"{task.capitalize()}: {title}", metrics, summary))
+    for line in scoring_lines(summary):
+        console.print(line, soft_wrap=True)
     if empty := summary.get("frames_without_truth"):
         console.print(f"{empty} of {summary['frames']} frames have no valid depth, and count in no mean")
 

@@ -122,6 +122,11 @@ class TrainOptions(Options):
                 "protocol: train.py scores under one protocol, at the network's resolution; "
                 f"got {', '.join(self.protocol)}; col3d evaluate scores under any"
             )
+        if self.one_protocol[1].scaling_over == "video" and self.trainer.processes != 1:
+            raise ValueError(
+                f"protocol: {self.one_protocol[0]} aligns a video's frames together, in one process, got "
+                f"trainer.devices={self.trainer.devices}; col3d evaluate scores the checkpoint afterwards"
+            )
         if self.callbacks.predictions and self.trainer.processes != 1:
             nodes = "" if self.trainer.num_nodes == 1 else f" trainer.num_nodes={self.trainer.num_nodes}"
             raise ValueError(

@@ -167,7 +167,7 @@ def _fit_and_test(
         scored,
         data.lengths(),
         options.callbacks.panels,
-        protocol.average,
+        protocol,
         folder.starts.changes(),
     )
     watchers = _watchers(folder.path, options.trainer.max_epochs, status)

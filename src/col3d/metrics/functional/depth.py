@@ -45,7 +45,7 @@ def depth_metrics(
         NeurIPS 2014, section 4.2.
     """
     check_maps(preds, target, mask)
-    return by_frame(functools.partial(_errors, min_depth, max_depth, False), preds, target, mask)
+    return by_frame(functools.partial(_errors, min_depth, max_depth, False, 0.0), preds, target, mask)
 
 
 def depth_errors(
@@ -54,14 +54,24 @@ def depth_errors(
     mask: Bool[Tensor, "b 1 h w"],
     min_depth: float = 1e-3,
     max_depth: float = float("inf"),
+    epsilon: float = 0.0,
 ) -> dict[str, Float[Tensor, " b"]]:
-    """The values of `depth_metrics`, and `mae`, the mean absolute error in mm."""
+    """The values of `depth_metrics`, and `mae`, the mean absolute error in mm.
+
+    `epsilon`, in mm, is added to the truth in denominators, and to both in ratios and logarithms.
+    """
     check_maps(preds, target, mask)
-    return by_frame(functools.partial(_errors, min_depth, max_depth, True), preds, target, mask)
+    return by_frame(functools.partial(_errors, min_depth, max_depth, True, epsilon), preds, target, mask)
 
 
 def _errors(
-    min_depth: float, max_depth: float, further: bool, preds: Tensor, target: Tensor, mask: Tensor
+    min_depth: float,
+    max_depth: float,
+    further: bool,
+    epsilon: float,
+    preds: Tensor,
+    target: Tensor,
+    mask: Tensor,
 ) -> dict[str, Tensor]:
     """Pixels that do not count are set to 1 mm in both, which changes no sum but those of shares."""
     count = mask.sum(dim=(1, 2, 3), dtype=torch.float64)
@@ -72,13 +82,14 @@ def _errors(
 
     truth = torch.where(mask, target, 1.0).double()
     guess = torch.where(mask, preds.double().clamp(min_depth, max_depth), 1.0)
-    gap, ratio = guess - truth, guess / truth
+    gap, under = guess - truth, truth + epsilon
+    ratio = (guess + epsilon) / under
     squared, log_ratio = gap.square(), ratio.log()
     worst = torch.maximum(ratio, ratio.reciprocal())
     squared_log = mean(log_ratio.square())
     return {
-        "abs_rel": mean(gap.abs() / truth),
-        "sq_rel": mean(squared / truth),
+        "abs_rel": mean(gap.abs() / under),
+        "sq_rel": mean(squared / under),
         "log10": mean(log_ratio.abs()) / math.log(10),
         "rmse": mean(squared).sqrt(),
         "rmse_log": squared_log.sqrt(),
