@@ -9,7 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from col3d.registry.metric_specs import OURS, TASKS, MetricSpec, specs_from
-from col3d.reports.per_frame import PIXELS, Row, by_video, means, metrics_in
+from col3d.reports.per_frame import Row, by_video, means, metrics_in
 from col3d.reports.screen import plain_console
 
 LOG_WIDTH = 120
@@ -27,6 +27,7 @@ def summarise(
 ) -> dict[str, Any]:
     """Means over all frames and by video, beside facts about the run and the specs of its metrics."""
     inside = "pixel" if average == "pixel" else "frame"
+    depth = [name for name, spec in specs.items() if spec.task == "depth"]
     videos = {
         name: {"frames": len(video_rows), **means(video_rows, inside, specs)}
         for name, video_rows in by_video(rows).items()
@@ -35,7 +36,7 @@ def summarise(
         **facts,
         "average": average,
         "frames": len(rows),
-        "frames_without_truth": sum(row.get(PIXELS) == 0 for row in rows),
+        "frames_without_truth": sum(all(row.get(name, "") == "" for name in depth) for row in rows),
         "metrics": means(rows, average, specs),
         "videos": videos,
         "metric_specs": {name: specs[name].plain() for name in metrics_in(rows) if name in specs},
