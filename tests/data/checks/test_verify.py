@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from programs import call
+from refusals import refused
 from tiny_run import composed, real_frames
 
 from col3d.data.cache import Recipe, write_video
@@ -226,17 +227,17 @@ def test_folders_without_frames_are_noted_or_missed(root: Path) -> None:
 
 def test_a_phantom_of_other_options_is_refused(root: Path) -> None:
     given = composed("verify", "data=phantom", "phantom=smoke", f"data.root={root}")
-    with pytest.raises(DataError, match=r"give phantom\.size=\[108,135\] phantom\.frames_per_video=6"):
+    with refused(DataError, None, "phantom.size=[108,135] phantom.frames_per_video=6"):
         verify(given)
 
 
 def test_nothing_to_check_is_refused(tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
-    with pytest.raises(UserError, match=r"data\.root=.*empty: no frames NNNN_color\.png .* in any folder"):
+    with refused(UserError, f"data.root={tmp_path / 'empty'}", "NNNN_color.png"):
         verify(composed("verify", "data=c3vd", f"data.root={tmp_path / 'empty'}"))
-    with pytest.raises(DataError, match=r"data\.root=.*none: no such folder"):
+    with refused(DataError, f"data.root={tmp_path / 'none'}"):
         verify(composed("verify", "data=c3vd", f"data.root={tmp_path / 'none'}"))
-    with pytest.raises(UserError, match=r"data\.test, data\.also: are of trainings"):
+    with refused(UserError, "data.test, data.also"):
         verify(composed("verify", f"data.root={tmp_path}", "data.also={}") | {"data": with_test(tmp_path)})
 
 
