@@ -160,8 +160,9 @@ def test_depth_that_is_no_number_is_written_by_nobody(
         patched.setattr(type(network.network), "forward", overflowing)
         found = list(readers(tiny_checkpoint, phantom_root, tmp_path / "out"))
         for run in (*found[:TRACED], *found[TRACED + 1 :]):
-            with pytest.raises(UserError, match=r"depth .*is not finite|nothing was written"):
+            with refused(UserError, None, "depth ") as error:
                 run()
+            assert "finite" in str(error.value) or "nan" in str(error.value)
         with refused(UserError, None, "depth of desc_t4_a:0 ", "finite"):
             evaluate(composed("evaluate", f"checkpoint={tiny_checkpoint}", "accelerator=cpu", "split=test"))
     assert not list((tmp_path / "out").rglob("*.tiff"))

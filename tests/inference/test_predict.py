@@ -127,7 +127,8 @@ def test_broken_images_are_reported_and_skipped(
     rows = predicted(tiny_checkpoint, folder, tmp_path / "out", "camera=c3vd")
     assert [row["name"] for row in rows] == ["shot_2", "shot_3", "shot_4", "shot_5", "shot_10"]
     assert [bool(row["fault"]) for row in rows] == [False, True, True, True, False]
-    assert "the lens is of 1080 x 1350 pixels and the image of 48 x 48" in rows[3]["fault"]
+    for named in ("1080 x 1350", "48 x 48"):
+        assert named in rows[3]["fault"]
     assert summary(tmp_path / "out")["skipped"] == 3
     assert capsys.readouterr().out.count("skipped: ") == 3
     assert not (tmp_path / "out" / "side_by_side.mp4").exists()

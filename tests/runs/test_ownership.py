@@ -10,7 +10,7 @@ import onnx
 import pytest
 import torch
 from fake_runs import write_run
-from refusals import refused
+from refusals import refusal, refused
 from tiny_run import composed, earlier_export
 
 from col3d.data.cache.prepare import prepare
@@ -139,7 +139,9 @@ def test_a_report_replaces_nothing_but_reports(tmp_path: Path, capsys: pytest.Ca
         place = tmp_path / name.replace("/", "_")
         other = put(place / name)
         assert report([arguments[0], str(place)]) == 2, name
-        assert f"error: OUT: {place} holds {name}" in capsys.readouterr().err
+        complaint = refusal(capsys.readouterr().err)
+        assert complaint.about == "OUT"
+        assert f"{place} holds {name}" in complaint.message
         assert kept(place) == {other: b"precious"}
 
 

@@ -94,9 +94,9 @@ def test_a_video_that_is_cut_off_says_so(name: str, tmp_path: Path) -> None:
     if name in ("a.avi", "a.mkv"):  # the others keep the table of their frames at the end
         shades, faults = read(path)
         assert 10 < len(shades) <= 40
-        assert faults == [
-            f"{path}: the file is cut off: 1000 bytes are missing, {len(shades)} frames are there"
-        ]
+        assert len(faults) == 1
+        for named in (f"{path}: ", "1000 bytes", f"{len(shades)} frames"):
+            assert named in faults[0]
     else:
         with refused(DataError, path, "opened as a video"):
             image_source(str(path))
@@ -145,7 +145,8 @@ def test_a_container_that_is_cut_anywhere_says_so(name: str, kept: float, tmp_pa
     except DataError as error:
         faults = [str(error)]
     assert len(faults) == 1
-    assert f"the file is cut off: {missing} bytes are missing" in faults[0]
+    assert faults[0].startswith(f"{path}: ")
+    assert f" {missing} bytes " in faults[0]
 
 
 @pytest.mark.parametrize("name", SILENT)
@@ -298,8 +299,8 @@ def test_a_broken_page_is_named_and_the_others_are_taken(tmp_path: Path) -> None
     shades, faults = read(path)
     assert shades == [20, 60, 140, 180]
     assert len(faults) == 1
-    assert faults[0].startswith(f"{path}: cannot be decoded")
-    assert faults[0].endswith("(picture 3 of 5)")
+    assert faults[0].startswith(f"{path}: ")
+    assert "picture 3 of 5" in faults[0]
 
 
 def test_a_video_without_a_frame_that_decodes_is_refused_by_name(tmp_path: Path) -> None:

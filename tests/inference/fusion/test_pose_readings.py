@@ -85,7 +85,7 @@ def test_the_first_line_is_of_the_first_frame(
     renumbered(video, first)
     assert fused(video, tmp_path / "after") == pytest.approx(before, rel=1e-6)
     assert f"note: pose.txt is read with poses.first={first}" in capsys.readouterr().out
-    with refused(UserError, None, "pose.txt"):
+    with refused(UserError, video.parent, "no line of pose.txt"):
         fused(video, tmp_path / "other", "poses.first=40")
 
 
