@@ -19,7 +19,7 @@ from col3d.phantom import PhantomSettings, render_phantom
 from col3d.registry import KINDS, plugins
 from col3d.training.train import train
 
-pytest.register_assert_rewrite("laws", "small", "parity", "tiny_task", "fake_runs", "cut_runs")
+pytest.register_assert_rewrite("laws", "small", "parity", "tiny_task", "fake_runs", "cut_runs", "refusals")
 
 View = tuple[np.ndarray, np.ndarray]
 """Distance along each unit ray and normal (not yet turned to the camera), of rays (n, 3)."""

@@ -4,6 +4,7 @@ import functools
 
 import pytest
 import torch
+from refusals import refused
 from torch import Tensor, nn
 
 from col3d.data.datasets.c3vd import C3VD
@@ -70,18 +71,18 @@ def test_networks_of_ours_obey_them() -> None:
 
 
 @pytest.mark.parametrize(
-    ("broken", "law"),
+    ("broken", "named"),
     [
-        (Negative, "depth is above 0 mm"),
-        (Small, r"depth is \(2, 1, 64, 96\): got \(2, 1, 32, 48\)"),
-        (OfTheBatch, "a frame is predicted alike alone and in a batch"),
-        (Idle, r"every parameter has a gradient, as DDP needs: idle\.weight has none"),
-        (Random, "the same image gives the same prediction"),
-        (Hidden, "state_dict holds all that the prediction depends on"),
+        (Negative, ("depth ", "above 0 mm")),
+        (Small, ("depth ", "(2, 1, 64, 96)", "got (2, 1, 32, 48)")),
+        (OfTheBatch, ("alone and in a batch",)),
+        (Idle, ("gradient", "idle.weight")),
+        (Random, ("same image", "same prediction")),
+        (Hidden, ("state_dict",)),
     ],
 )
-def test_a_broken_network_is_told_the_law(broken: type[nn.Module], law: str) -> None:
-    with pytest.raises(AssertionError, match=law):
+def test_a_broken_network_is_told_the_law(broken: type[nn.Module], named: tuple[str, ...]) -> None:
+    with refused(AssertionError, None, *named):
         check_network(broken)
 
 
@@ -111,16 +112,16 @@ def each(prediction, batch) -> Tensor:
 
 
 @pytest.mark.parametrize(
-    ("broken", "law"),
+    ("broken", "named"),
     [
-        (unmasked, "zero at the truth"),
-        (biased, "zero at the truth: got 1"),
-        (of_nothing, "a term of no pixels is finite"),
-        (each, r"a term is a scalar: got \(2,\)"),
+        (unmasked, ("zero at the truth",)),
+        (biased, ("zero at the truth", "got 1")),
+        (of_nothing, ("no pixels", "finite")),
+        (each, ("scalar", "got (2,)")),
     ],
 )
-def test_a_broken_loss_is_told_the_law(broken, law: str) -> None:
-    with pytest.raises(AssertionError, match=law):
+def test_a_broken_loss_is_told_the_law(broken, named: tuple[str, ...]) -> None:
+    with refused(AssertionError, None, *named):
         check_loss(broken)
 
 
@@ -132,16 +133,16 @@ def test_metrics_of_ours_obey_them() -> None:
 
 
 @pytest.mark.parametrize(
-    ("broken", "law"),
+    ("broken", "named"),
     [
         (lambda p, t, m: (p - t).abs().mean(), "one value a frame"),
-        (lambda p, t, m: (p - t).abs().mean(dim=(1, 2, 3)), "what the mask leaves out changes nothing"),
+        (lambda p, t, m: (p - t).abs().mean(dim=(1, 2, 3)), "mask"),
         (lambda p, t, m: (p - t).mul(m).mean(dim=(1, 2, 3)) / len(p), "alone and in a batch"),
-        (lambda p, t, m: (p - t).mul(m).mean(dim=(1, 2, 3)) + 1, "at the truth a metric is 0.0"),
+        (lambda p, t, m: (p - t).mul(m).mean(dim=(1, 2, 3)) + 1, "at the truth"),
     ],
 )
-def test_a_broken_metric_is_told_the_law(broken, law: str) -> None:
-    with pytest.raises(AssertionError, match=law):
+def test_a_broken_metric_is_told_the_law(broken, named: str) -> None:
+    with refused(AssertionError, None, named):
         check_metric(broken, at_truth=0.0)
 
 
@@ -158,23 +159,23 @@ def test_a_data_set_of_ours_obeys_them(phantom: C3VD) -> None:
 
 
 @pytest.mark.parametrize(
-    ("key", "change", "law"),
+    ("key", "change", "named"),
     [
-        ("image", lambda x: x * 255, r"image is in \[0, 1\]"),
-        ("depth", lambda x: x + 1, "depth that does not count is 0"),
+        ("image", lambda x: x * 255, "image is in [0, 1]"),
+        ("depth", lambda x: x + 1, "depth that does not count"),
         ("depth", lambda x: x * 10, "depth is at most 100"),
-        ("normals", lambda x: -x, "normals face the camera"),
-        ("normals", lambda x: x * 2, "normals have unit length"),
+        ("normals", lambda x: -x, "normals face"),
+        ("normals", lambda x: x * 2, "normals have unit"),
         ("mask", lambda x: x.float(), "mask is bool"),
     ],
 )
 def test_a_broken_data_set_is_told_the_law(
-    key: str, change, law: str, phantom: C3VD, monkeypatch: pytest.MonkeyPatch
+    key: str, change, named: str, phantom: C3VD, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole = C3VD.__getitem__
     broken = functools.partialmethod(lambda self, i: {**whole(self, i), key: change(whole(self, i)[key])})
     monkeypatch.setattr(C3VD, "__getitem__", broken)
-    with pytest.raises(AssertionError, match=law):
+    with refused(AssertionError, None, named):
         check_dataset(phantom)
 
 

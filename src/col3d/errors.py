@@ -10,7 +10,17 @@ DISK_FAULTS = (errno.EIO, errno.ESTALE, errno.ETIMEDOUT, errno.ENXIO)
 """Error numbers that are faults of the disk or server and not of the file that was read."""
 
 
-class DataError(ValueError):
+class About:
+    """Mixin of the project's exceptions: what the message is about, for code that does not read prose."""
+
+    @property
+    def about(self) -> str:
+        """The option, argument, file or folder that the message begins with; empty if it begins with none."""
+        head, colon, _ = str(self).partition("\n")[0].partition(": ")
+        return head if colon else ""
+
+
+class DataError(About, ValueError):
     """A file or folder of a data set breaks a rule; the message names it and says what to do."""
 
 
@@ -18,11 +28,11 @@ class DiskError(DataError):
     """A file could not be read because of the disk or the server, whatever its content is."""
 
 
-class OptionError(ValueError):
+class OptionError(About, ValueError):
     """An option breaks a rule; the message begins with its name."""
 
 
-class UserError(Exception):
+class UserError(About, Exception):
     """An error that the user has to fix; programs print its message without a traceback."""
 
 
@@ -30,7 +40,7 @@ class RunLockedError(UserError):
     """Another process is training in the folder of this run."""
 
 
-class DivergedError(RuntimeError):
+class DivergedError(About, RuntimeError):
     """A loss or a gradient became NaN or infinite."""
 
 

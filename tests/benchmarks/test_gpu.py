@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 import torch
 from parity import needs_parity
+from refusals import refused
 
 from benchmarks.gpu.__main__ import main
 from benchmarks.gpu.inside import KINDS, REST, kind_of
@@ -134,13 +135,13 @@ def test_a_stage_that_fails_does_not_end_the_others(tmp_path: Path, monkeypatch:
 def test_stages_are_chosen_by_their_names() -> None:
     assert [stage.name for stage in stages()][-1] == "speed:pix2pix"
     assert [stage.name for stage in stages(["speed:bts", "inside"])] == ["inside:col3d_mtl", "speed:bts"]
-    with pytest.raises(DataError, match=r"^--only: expected names of .*; got speed:btz$"):
+    with refused(DataError, "--only", "speed:bts", "speed:btz"):
         stages(["speed:btz"])
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU")
 def test_a_gpu_is_needed_unless_another_device_is_named(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match=r"^--device: cuda needs a GPU"):
+    with refused(DataError, "--device", "cuda"):
         main([str(tmp_path)])
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from programs import call
+from refusals import refusal
 
 from col3d.cli.programs import RUNS
 from col3d.cli.resolvers import slug
@@ -14,44 +15,46 @@ pytestmark = pytest.mark.end_to_end
 
 
 @pytest.mark.parametrize(
-    ("arguments", "expected"),
+    ("arguments", "about", "named"),
     [
-        (["loss.lambda=[1,1,1]"], ["loss.lambda: no such option", "did you mean 'loss.lambdas'"]),
-        (["modle=bts"], ["modle: no such option", "did you mean 'model'"]),
-        (["model=bst"], ["model: 'bst' is unknown", "did you mean 'bts'", "col3d_mtl"]),
-        (["loss.lambdas=0.5,0.3,0.2"], ["loss.lambdas", "in brackets"]),
-        (["loss.lambdas=[0.5,", "0.3]"], ["without spaces"]),
-        (["data=c3vd"], ["data.root: a value is needed"]),
-        (["model=bts,col3d_mtl"], ["model: sweep over the values with -m"]),
-        (["model=[bts,col3d_mtl]"], ["model: expected one of bts", "sweep with -m"]),
-        (["loss=null"], ["loss: expected one of monodepth_fpn, mtl", "null"]),
-        (["trainer.accelerator=cuda"], ["trainer.accelerator: this machine has no cuda"]),
-        (["hydra.run.dir=/proc/nowhere"], ["/proc/nowhere: "]),
-        (["trainer.devices=0"], ["trainer.devices: "]),
-        (["loss.lambdas=[0.5,0.3]"], ["loss.lambdas", "3 number(s)"]),
-        (["data=c3vd", "data.root=nowhere"], ["data.root=", "nowhere: no such folder"]),
+        (["loss.lambda=[1,1,1]"], "loss.lambda", ["'loss.lambdas'"]),
+        (["modle=bts"], "modle", ["'model'"]),
+        (["model=bst"], "model", ["'bst'", "'bts'", "col3d_mtl"]),
+        (["loss.lambdas=0.5,0.3,0.2"], "loss.lambdas", ["[0.5,0.3,0.2]", "-m"]),
+        (["loss.lambdas=[0.5,", "0.3]"], "loss.lambdas", ["spaces", "got [0.5,"]),
+        (["data=c3vd"], "data.root", ["data.root=..."]),
+        (["model=bts,col3d_mtl"], "model", ["-m"]),
+        (["model=[bts,col3d_mtl]"], "model", ["bts, ", "-m"]),
+        (["loss=null"], "loss", ["monodepth_fpn, mtl", "null"]),
+        (["trainer.accelerator=cuda"], "trainer.accelerator", ["cuda"]),
+        (["hydra.run.dir=/proc/nowhere"], "/proc/nowhere", []),
+        (["trainer.devices=0"], "trainer.devices", []),
+        (["loss.lambdas=[0.5,0.3]"], "loss.lambdas", ["3 number(s)"]),
+        (["data=c3vd", "data.root=nowhere"], "data.root={folder}/nowhere", ["no such folder"]),
     ],
 )
 def test_bad_input_ends_in_one_line_and_exit_code_2(
-    arguments: list[str], expected: list[str], tmp_path: Path
+    arguments: list[str], about: str, named: list[str], tmp_path: Path
 ) -> None:
     answer = call("train.py", *arguments, cwd=tmp_path)
     assert answer.returncode == 2, answer.stderr
-    assert len(answer.stderr.strip().splitlines()) == 1
-    for part in expected:
+    assert refusal(answer.stderr).about == about.format(folder=tmp_path)
+    for part in named:
         assert part in answer.stderr
     assert not [path for path in tmp_path.rglob("*") if path.is_file()]
 
 
 def test_a_missing_checkpoint_is_refused(tmp_path: Path) -> None:
     answer = call("evaluate", "checkpoint=none.ckpt", cwd=tmp_path)
-    assert (answer.returncode, answer.stderr.strip()) == (2, "error: checkpoint: no such file: none.ckpt")
+    assert (answer.returncode, refusal(answer.stderr).about) == (2, "checkpoint")
+    assert "no such file: none.ckpt" in answer.stderr
 
 
 def test_what_a_resolver_refuses_is_one_line(tmp_path: Path) -> None:
     answer = call("prepare", "prepare.preset=papr", cwd=tmp_path)
-    expected = "error: prepare.preset: expected one of laptop, paper, smoke, got 'papr'\n"
-    assert (answer.returncode, answer.stderr) == (2, expected)
+    assert (answer.returncode, refusal(answer.stderr).about) == (2, "prepare.preset")
+    assert "laptop, paper, smoke" in answer.stderr
+    assert "'papr'" in answer.stderr
 
 
 @pytest.mark.parametrize("program", sorted(RUNS))

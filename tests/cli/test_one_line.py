@@ -13,6 +13,7 @@ import pytest
 import torch
 from PIL import Image
 from programs import call
+from refusals import refusal, refused
 from tiny_run import composed
 from torch.utils.data import DataLoader, Dataset
 
@@ -64,7 +65,7 @@ os._exit(0)
 def test_a_file_that_is_no_camera(text: str, tmp_path: Path) -> None:
     path = tmp_path / "lens.json"
     path.write_bytes(text.encode("latin-1"))
-    with pytest.raises(UserError, match=r"^camera: .*lens\.json: not a camera: .+$"):
+    with refused(UserError, "camera", f"{path}: not a camera: "):
         camera_at(lens_of(str(path)), (64, 80))
 
 
@@ -80,7 +81,9 @@ def test_what_weights_say_of_themselves(about: Any, tmp_path: Path) -> None:
     try:
         assert load_predictor(path).cameras == ()
     except UserError as error:
-        assert str(error).startswith(f"checkpoint: {path}: what it says about its cameras")  # noqa: PT017
+        assert error.about == "checkpoint"  # noqa: PT017
+        assert f"{path}: " in str(error)  # noqa: PT017
+        assert "cameras" in str(error)  # noqa: PT017
 
 
 @pytest.mark.parametrize("rows", ["x", 3, {}, [3], [{}], [{"epoch": "x"}], [[1]]])
@@ -90,7 +93,7 @@ def test_the_table_inside_a_checkpoint(rows: Any, tmp_path: Path) -> None:
     torch.save(content | {"rows": [{"epoch": 0, "val/abs_rel": 0.1}]}, path)
     assert read_checkpoint(path)["rows"]
     torch.save(content | {"rows": rows}, path)
-    with pytest.raises(UserError, match=r"last\.ckpt is not a checkpoint of a training: its table"):
+    with refused(UserError, None, path, "table"):
         read_checkpoint(path)
 
 
@@ -105,8 +108,8 @@ def test_the_table_inside_a_checkpoint(rows: Any, tmp_path: Path) -> None:
 )
 def test_numbers_beyond_all_bounds(override: str) -> None:
     option = override.partition("=")[0]
-    said = rf"^{option}: expected numbers between -1e\+(18|30) and 1e\+(18|30), got "
-    with pytest.raises(UserError, match=said):
+
+    with refused(UserError, option, "1e+", "got "):
         check_options(TrainOptions, composed("train", override, "output_dir=runs/x"))
 
 
@@ -138,7 +141,7 @@ def test_a_folder_of_options_in_two_words(tmp_path: Path) -> None:
     assert "lr: 0.0003" in answer.stdout
     absent = call("train.py", "--config-dir", str(tmp_path / "none"), "--cfg", "job", cwd=tmp_path)
     assert absent.returncode == 2
-    assert absent.stderr.count("\n") == 1
+    assert str(tmp_path / "none") in refusal(absent.stderr).message
 
 
 @pytest.mark.parametrize(
@@ -150,10 +153,10 @@ def test_a_folder_of_options_in_two_words(tmp_path: Path) -> None:
     ],
 )
 def test_memory_that_is_out(wanted: Any) -> None:
-    with pytest.raises(UserError, match=r"^memory is out \(.+\); take less$"), as_user_errors("take less"):
+    with refused(UserError, None, "memory is out (", "take less"), as_user_errors("take less"):
         wanted()
     with (
-        pytest.raises(UserError, match=r"memory is out \(Tried to allocate 20.00 GiB\); take less"),
+        refused(UserError, None, "memory is out (Tried to allocate 20.00 GiB)", "take less"),
         as_user_errors("take less"),
     ):
         raise torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 20.00 GiB. GPU 0 has 8 GiB.")
@@ -164,14 +167,14 @@ def test_a_step_beyond_float32() -> None:
     weight.grad = torch.ones(3)
     optimizer = torch.optim.AdamW([weight], lr=1e38)
     with (
-        pytest.raises(UserError, match=r"^optimizer\.lr, optimizer\.weight_decay: "),
+        refused(UserError, "optimizer.lr, optimizer.weight_decay"),
         as_user_errors("take less"),
     ):
         optimizer.step()
 
 
 def test_what_a_user_wrote_keeps_its_traceback() -> None:
-    with pytest.raises(RuntimeError, match="mine"), as_user_errors("take less"):
+    with refused(RuntimeError, None, "mine"), as_user_errors("take less"):
         raise RuntimeError("mine: Broken pipe")
 
 
@@ -179,9 +182,8 @@ def test_another_process_of_a_training_that_is_gone(tmp_path: Path) -> None:
     commands = [[sys.executable, "-c", PEER, str(rank), str(tmp_path / "meet")] for rank in (1, 0)]
     with subprocess.Popen(commands[0]):
         answer = subprocess.run(commands[1], capture_output=True, text=True, timeout=120, check=False)
-    assert answer.stdout == (
-        "trainer.devices: another process of this training is gone; the same command goes on\n"
-    ), answer.stderr
+    assert answer.stdout.startswith("trainer.devices: "), answer.stderr
+    assert answer.stdout.count("\n") == 1
 
 
 class HandsOverAndDies(Dataset[torch.Tensor]):
@@ -199,8 +201,8 @@ def test_a_worker_that_ends_while_it_hands_over_is_a_line(monkeypatch: pytest.Mo
     exec("def reset(*_): raise ConnectionResetError(104, 'Connection reset by peer')", module)
     batches = iter(DataLoader(HandsOverAndDies(), batch_size=2, num_workers=1))
     monkeypatch.setattr(multiprocessing.connection, "answer_challenge", module["reset"])
-    line = r"^data\.workers: a process that loads frames is gone .*; the same command goes on$"
-    with pytest.raises(UserError, match=line), as_user_errors("smaller"):
+
+    with refused(UserError, "data.workers", "same command"), as_user_errors("smaller"):
         list(batches)
 
 
@@ -212,5 +214,5 @@ def test_a_data_set_s_own_connection_keeps_its_traceback() -> None:
         def __getitem__(self, index: int) -> torch.Tensor:
             raise ConnectionResetError("of a server of its own")
 
-    with pytest.raises(ConnectionResetError, match="of a server"), as_user_errors("smaller"):
+    with refused(ConnectionResetError, None, "of a server"), as_user_errors("smaller"):
         list(DataLoader(Remote(), num_workers=0))

@@ -191,7 +191,7 @@ def test_what_cannot_be_read_is_shown_quoted_rightly(argument: str) -> None:
     with pytest.raises(OverrideParseException) as error:
         OverridesParser.create().parse_overrides([argument])
     option, _, value = argument.partition("=")
-    advice = explain(error.value, "train").partition("quote it twice: ")[2]
+    advice = explain(error.value, "train").rpartition(": ")[2]
     assert read_back(shlex.split(advice)[0]) == value
     assert shlex.split(advice)[0].startswith(f"{option}=")
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import torch
 from programs import call
+from refusals import refusal, refused
 from tiny_run import composed
 
 from col3d.cli.choices import as_groups
@@ -93,20 +94,20 @@ def test_trained_on_two(tiny: Compose, tmp_path: Path, simcol: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("overrides", "message"),
+    ("overrides", "about", "named"),
     [
-        (["data.normals=none"], r"data\.also\.sim\.normals: all that is trained on has normals or none has"),
-        (["data.also.sim.normals=stored"], r"data\.normals: simcol3d stores none; take derived or none"),
-        (["data.also.sim.split.train=[]"], r"data\.also\.sim\.split\.train: a value is needed"),
-        (["data.also.sim.weight=0"], r"data\.also\.sim\.weight: expected greater than 0, got 0"),
-        (["data.split.val=[]"], r"data\.split\.val: a value is needed"),
+        (["data.normals=none"], "data.also.sim.normals", ()),
+        (["data.also.sim.normals=stored"], "data.normals", ("simcol3d", "derived or none")),
+        (["data.also.sim.split.train=[]"], "data.also.sim.split.train", ("needed",)),
+        (["data.also.sim.weight=0"], "data.also.sim.weight", ("greater than 0", "got 0")),
+        (["data.split.val=[]"], "data.split.val", ("needed",)),
     ],
 )
 def test_what_does_not_belong_together(
-    tiny: Compose, simcol: Path, overrides: list[str], message: str
+    tiny: Compose, simcol: Path, overrides: list[str], about: str, named: tuple[str, ...]
 ) -> None:
     place = on_simcol(simcol, "also.sim", "train", "Frames_S5")
-    with pytest.raises(UserError, match=message):
+    with refused(UserError, about, *named):
         check_options(TrainOptions, tiny("model=bts", *place, *overrides))
 
 
@@ -136,12 +137,12 @@ def test_the_command_line_takes_them(tmp_path: Path) -> None:
     assert "    c3vdv2:\n" in answer.stdout
     answer = call("train.py", "data.test=simcol", cwd=tmp_path)
     assert answer.returncode == 2
-    assert answer.stderr.startswith(
-        "error: data.test: expected one of c3vd, c3vdv2, folder, phantom, simcol3d"
-    )
-    assert answer.stderr.endswith("did you mean 'simcol3d'?\n")
+    refused = refusal(answer.stderr)
+    assert refused.about == "data.test"
+    assert "c3vd, c3vdv2, folder, phantom, simcol3d" in refused.message
+    assert "'simcol3d'" in refused.message
     answer = call("train.py", "data.test=simcol3d", cwd=tmp_path)
-    assert answer.stderr == "error: data.test.root: a value is needed; give data.test.root=...\n"
+    assert refusal(answer.stderr).about == "data.test.root"
 
 
 def test_a_weight_that_shows_no_frame_is_refused(tiny: Compose, simcol: Path) -> None:
@@ -149,9 +150,7 @@ def test_a_weight_that_shows_no_frame_is_refused(tiny: Compose, simcol: Path) ->
         "model=bts", *on_simcol(simcol, "also.sim", "train", "Frames_S5"), "data.also.sim.weight=0.1"
     )
     options = check_options(TrainOptions, given)
-    with pytest.raises(
-        DataError, match=r"data\.weight: 0\.1 of the 2 frames of simcol3d .* shows none of them"
-    ):
+    with refused(DataError, "data.weight", "0.1 of the 2 frames of simcol3d"):
         data_module(options.data, options.phantom, 0)
 
 
@@ -177,5 +176,5 @@ def test_a_store_of_another_unit_of_depth_does_not_serve(tmp_path: Path) -> None
     (clip.parent / "camera.json").write_text(json.dumps(camera))
     place = ["data=folder", f"data.root={clip.parent}", "data.size=[64,80]"]
     prepare(composed("prepare", *place, "data.layout.depth_unit=0.01"))
-    with pytest.raises(UserError, match=r"clip was prepared otherwise \(decoding is .*0\.01.*, not .*0\.02"):
+    with refused(UserError, None, "clip was", "decoding is ", "0.01", ", not ", "0.02"):
         prepare(composed("prepare", *place, "data.layout.depth_unit=0.02"))

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from refusals import refused
 
 from col3d.data.processes import in_processes
 from col3d.data.whole_folder import remove_stale, whole_folder
@@ -19,10 +20,10 @@ from col3d.errors import DataError, UserError
 
 
 def test_a_full_disk_is_said_of_the_folder(tmp_path: Path) -> None:
-    with pytest.raises(OSError, match="No space left") as raised, whole_folder(tmp_path / "video"):
+    with refused(OSError, None) as raised, whole_folder(tmp_path / "video"):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-    assert raised.value.filename == str(tmp_path / "video")
-    with pytest.raises(OSError, match=r"^a\.png: could not be written$"), whole_folder(tmp_path / "video"):
+    assert (raised.value.errno, raised.value.filename) == (errno.ENOSPC, str(tmp_path / "video"))
+    with refused(OSError, "a.png"), whole_folder(tmp_path / "video"):
         raise OSError("a.png: could not be written")
     assert list(tmp_path.iterdir()) == []
 
@@ -49,7 +50,7 @@ def test_a_video_is_replaced_and_what_others_put_into_it_is_not(
         (video / mine).parent.mkdir(exist_ok=True)
         (video / mine).write_text("precious")
         put = (video / mine).relative_to(video).parts[0]
-        with pytest.raises(DataError, match=rf"^{video} holds {put}, which"), whole_folder(video):
+        with refused(DataError, None, f"{video} holds {put}, "), whole_folder(video):
             raise AssertionError("work has begun")
         assert (video / mine).read_text() == "precious"
         assert (video / ours[0]).read_text() == "old"
@@ -57,7 +58,7 @@ def test_a_video_is_replaced_and_what_others_put_into_it_is_not(
         with suppress(OSError):
             (video / "folder").rmdir()
     with (
-        pytest.raises(DataError, match=rf"^{video} holds late\.txt, which"),
+        refused(DataError, None, f"{video} holds late.txt, "),
         whole_folder(video),
     ):
         (video / "late.txt").write_text("precious")
@@ -75,7 +76,7 @@ def test_a_folder_without_a_list_a_file_and_a_link_stay(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("precious")
     (tmp_path / "link").symlink_to(tmp_path / "video")
     for name in ("video", "file", "link"):
-        with pytest.raises(DataError, match=rf"^{tmp_path / name} "), whole_folder(tmp_path / name):
+        with refused(DataError, None, f"{tmp_path / name} "), whole_folder(tmp_path / name):
             raise AssertionError("work has begun")
     assert (tmp_path / "video" / "0000_color.png").read_text() == "precious"
     assert (tmp_path / "file").read_text() == "precious"
@@ -97,7 +98,7 @@ def killed(number: int, frame_done: Callable[[], None]) -> int:
 
 
 def test_a_worker_that_the_system_ended_is_a_line() -> None:
-    with pytest.raises(UserError, match=r"^prepare: the system ended a worker, .* workers=\.\.\.") as raised:
+    with refused(UserError, "prepare", "workers=") as raised:
         in_processes(killed, [(0,), (1,), (2,)], "prepare", 3, workers=2, progress=False)
     assert "\n" not in str(raised.value)
 

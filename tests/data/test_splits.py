@@ -1,6 +1,7 @@
 """The paper's split, its labels, ranges of frames, and counts."""
 
 import pytest
+from refusals import refused
 
 from col3d.data.datasets.videos import describe, video_table
 from col3d.data.splits import (
@@ -53,21 +54,19 @@ def test_ranges_hold_both_ends() -> None:
      "cecum_t1_a:0-1:2-3", "cecum_t1_a:1.0-2", "cecum_t1_a: 0-3", "cecum_t1_a:0--3"],
 )  # fmt: skip
 def test_malformed_ranges(entry: str) -> None:
-    with pytest.raises(DataError, match=r"split entry .*expected VIDEO or VIDEO:FIRST-LAST"):
+    with refused(DataError, None, f"split entry {entry!r}: ", "VIDEO:FIRST-LAST"):
         parse_selection(entry)
 
 
 def test_ends_in_the_wrong_order() -> None:
-    with pytest.raises(DataError, match=r"'cecum_t1_a:9-8': the first frame comes after the last"):
+    with refused(DataError, "split entry 'cecum_t1_a:9-8'", "first", "last"):
         parse_selection("cecum_t1_a:9-8")
 
 
 def test_unknown_videos() -> None:
-    with pytest.raises(
-        DataError, match=r"'cecum_t1_x' is neither .* video of data\.root; did you mean 'cecum_t1"
-    ):
+    with refused(DataError, None, "'cecum_t1_x'", "'cecum_t1_"):
         parse_selection("cecum_t1_x", present=["other"])
-    with pytest.raises(DataError, match="did you mean 'my_own_video'"):
+    with refused(DataError, None, "'my_own_video'"):
         parse_selection("my_own_vide:0-3", present=["my_own_video"])
     assert parse_selection("my_own_video:0-3", present=["my_own_video"]) == Selection("my_own_video", 0, 3)
 
@@ -75,7 +74,7 @@ def test_unknown_videos() -> None:
 def test_a_video_of_any_name() -> None:
     assert selection_of_any_video("my_own_video:0-3") == Selection("my_own_video", 0, 3)
     assert selection_of_any_video("c1v1") == Selection("cecum_t1_a")
-    with pytest.raises(DataError, match=r"expected VIDEO or VIDEO:FIRST-LAST"):
+    with refused(DataError, None, "'my_own_video:3'", "VIDEO:FIRST-LAST"):
         selection_of_any_video("my_own_video:3")
 
 
@@ -90,11 +89,11 @@ def test_counts_of_whole_videos() -> None:
     check_counts(both, {"cecum_t1_a": 276, "sigmoid_t1_a": 800}, "pre_2023_05")
     check_counts(["c1_cecum_t1_v1", "mine"], {"c1_cecum_t1_v1": 218, "mine": 7}, "current")
     check_counts(["c1v1:0-9", "cecum_t1_a:20-29"], {"cecum_t1_a": 20}, "current")
-    with pytest.raises(DataError, match=r"sigmoid_t1_a has 700 frames, .*pre_2023_05 release has 800"):
+    with refused(DataError, None, "sigmoid_t1_a has 700 frames", "pre_2023_05 ", 800):
         check_counts(both, {"cecum_t1_a": 276, "sigmoid_t1_a": 700}, "pre_2023_05")
-    with pytest.raises(DataError, match=r"cecum_t1_a has 275 frames.*has 276.*data\.allow_missing"):
+    with refused(DataError, None, "cecum_t1_a has 275 frames", 276, "data.allow_missing"):
         check_counts(both, {"cecum_t1_a": 275}, "current")
-    with pytest.raises(DataError, match=r"cecum_t1_a:0-9 has 9 frames.*has 10"):
+    with refused(DataError, None, "cecum_t1_a:0-9 has 9 frames", 10):
         check_counts(["c1v1:0-9"], {"cecum_t1_a": 9}, "current")
 
 

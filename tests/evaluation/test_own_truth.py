@@ -8,6 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from refusals import refused
 from tiny_run import SMALL, composed
 
 from col3d.errors import UserError
@@ -83,7 +84,7 @@ def test_depth_with_holes_is_learned_and_said(
 
 def test_normals_that_cannot_be_derived_are_no_lesson(frames: Write, tmp_path: Path) -> None:
     frames(share=0.02)
-    with pytest.raises(UserError, match=r"has a pixel of known normals \(data\.normals=derived\)"):
+    with refused(UserError, "data.split.train", "(data.normals=derived)"):
         trained(tmp_path, "data.layout.depth_unit=0.01")
     assert not (tmp_path / "run" / "checkpoints").exists()
 
@@ -97,20 +98,21 @@ def test_dense_truth_is_not_spoken_of(
 
 
 @pytest.mark.parametrize(
-    ("unit", "said"),
+    ("unit", "named"),
     [
-        ("0.00001", "mm in the median; if its files are in metres, say data.layout.depth_unit=0.01"),
-        ("10", r"is read as .*e\+04 to .* mm, and what counts is up to data\.layout\.max_depth=100"),
+        ("0.00001", ("mm in the median", "data.layout.depth_unit=0.01")),
+        ("10", ("e+04 to ", "data.layout.max_depth=100")),
     ],
 )
 def test_units_that_are_wrong_are_asked_about(
-    unit: str, said: str, frames: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    unit: str, named: tuple[str, ...], frames: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     frames()
     options: tuple[Any, ...] = ("model=bts", f"data.layout.depth_unit={unit}")
     if unit == "10":
-        with pytest.raises(UserError, match=said):
+        with refused(UserError, None, *named):
             trained(tmp_path, *options)
         return
     trained(tmp_path, *options)
-    assert said in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert all(part in said for part in named)

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 import torch
+from refusals import refused
 from torch import Tensor, nn
 
 from col3d.batch import Batch, Prediction
@@ -103,6 +104,6 @@ def test_what_is_not_finite_is_named_and_leaves_no_file(tmp_path: Path) -> None:
             return found
 
     writer = PredictionWriter(tmp_path / "kept", {"max_depth": 100.0, "split": "test"})
-    with pytest.raises(DivergedError, match=r"^depth of b:2 is not finite in the test"):
+    with refused(DivergedError, None, "depth of b:2 "):
         score(predict_frames(Broken(), batches()), [], writers={None: writer})
     assert [path.name for path in (tmp_path / "kept").rglob("*") if path.suffix in (".npz", ".partial")] == []

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from refusals import refused
 
 from col3d.errors import DataError
 from col3d.geometry import (
@@ -83,26 +84,28 @@ def test_a_pinhole_is_described_by_its_focal_lengths(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("change", "field", "named"),
     [
-        ({"model": "fishy"}, r"model: 'fishy' is not read; fit a pinhole, .*polynomial"),
-        ({"size": [48]}, r"size: expected 2 numbers, got \[48\]"),
-        ({"fy": None}, r"fx, fy, cx, cy: expected numbers, got \[50\.0, None"),
-        ({"k7": 0.1}, r"k7: no such field"),
+        ({"model": "fishy"}, "model", ("'fishy'", "pinhole", "polynomial")),
+        ({"size": [48]}, "size", ("2 numbers", "[48]")),
+        ({"fy": None}, "fx, fy, cx, cy", ("[50.0, None",)),
+        ({"k7": 0.1}, "k7", ()),
     ],
 )
-def test_what_is_no_camera_is_refused(tmp_path: Path, change: dict[str, Any], message: str) -> None:
+def test_what_is_no_camera_is_refused(
+    tmp_path: Path, change: dict[str, Any], field: str, named: tuple[str, ...]
+) -> None:
     path = tmp_path / "camera.json"
     path.write_text(json.dumps(PINHOLE | change))
-    with pytest.raises(DataError, match=rf"camera\.json: not a camera: {message}"):
+    with refused(DataError, path, f"not a camera: {field}: ", *named):
         read_camera(path)
 
 
 def test_a_missing_or_broken_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match=r"camera\.json: the camera's file cannot be read"):
+    with refused(DataError, tmp_path / "camera.json", "cannot be read"):
         read_camera(tmp_path / "camera.json")
     (tmp_path / "camera.json").write_text("{")
-    with pytest.raises(DataError, match=r"camera\.json: not a camera"):
+    with refused(DataError, tmp_path / "camera.json", "not a camera"):
         read_camera(tmp_path / "camera.json")
 
 
@@ -175,27 +178,27 @@ def test_c3vds_lens_is_that_of_its_renderer(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("text", "named"),
     [
-        (json.dumps(without("stretch")), r"stretch: expected .* got nothing"),
-        (json.dumps(FLAT | {"stretch": "rows"}), r"stretch: expected .* got 'rows'"),
-        (SETTINGS.replace("stretch = [[c, e], [d, 1]]", ""), r"stretch: expected .* got nothing"),
-        (json.dumps(FLAT | {"a2": 3e-3}), r"expected rays that lead back to their pixels"),
-        (json.dumps(FLAT | {"a0": -769.0}), r"a0: expected a number above 0"),
-        (json.dumps(FLAT | {"k1": 0.1}), r"k1: no such field"),
-        (json.dumps(FLAT | {"size": [10**9, 1350]}), r"size: expected whole numbers of pixels from 1 to"),
-        (json.dumps(FLAT | {"cx": 10**400}), r"cx, cy: expected finite numbers"),
-        (OCAMCALIB.replace("1080 1350", ""), r"expected five lines of numbers"),
-        (OCAMCALIB.replace("\n5 ", "\n6 "), r"polynomial: expected 1 to 5 coefficients"),
-        (MATLAB.replace("679.5, ", ""), r"DistortionCenter: expected 2 numbers"),
-        ("[" * 100_000, r".*recursion"),
-        ("[1, 2]", r"expected names with values, got a list"),
+        (json.dumps(without("stretch")), (": stretch: ", "got nothing")),
+        (json.dumps(FLAT | {"stretch": "rows"}), (": stretch: ", "'rows'")),
+        (SETTINGS.replace("stretch = [[c, e], [d, 1]]", ""), (": stretch: ", "got nothing")),
+        (json.dumps(FLAT | {"a2": 3e-3}), ("rays that lead back",)),
+        (json.dumps(FLAT | {"a0": -769.0}), (": a0: ", "above 0")),
+        (json.dumps(FLAT | {"k1": 0.1}), (": k1: ",)),
+        (json.dumps(FLAT | {"size": [10**9, 1350]}), (": size: ", "from 1 to")),
+        (json.dumps(FLAT | {"cx": 10**400}), (": cx, cy: ", "finite")),
+        (OCAMCALIB.replace("1080 1350", ""), ("five lines",)),
+        (OCAMCALIB.replace("\n5 ", "\n6 "), (": polynomial: ", "1 to 5")),
+        (MATLAB.replace("679.5, ", ""), (": DistortionCenter: ", "2 numbers")),
+        ("[" * 100_000, ("recursion",)),
+        ("[1, 2]", ("got a list",)),
     ],
 )
-def test_what_is_no_calibration_is_refused(tmp_path: Path, text: str, message: str) -> None:
+def test_what_is_no_calibration_is_refused(tmp_path: Path, text: str, named: tuple[str, ...]) -> None:
     path = tmp_path / "camera.json"
     path.write_text(text)
-    with pytest.raises(DataError, match=rf"camera\.json: not a camera: {message}"):
+    with refused(DataError, path, "not a camera", *named):
         read_camera(path)
 
 

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 import torch
+from refusals import refused
 
 from col3d.errors import DataError
 from col3d.geometry import Camera, FisheyeCamera, OmnidirectionalCamera, PinholeCamera, RadialTangentialCamera
@@ -345,164 +346,167 @@ def test_published_numbers_need_no_stretch(tmp_path: Path, published: Omnidirect
     found = read_camera(written(tmp_path, json.dumps(given)))
     assert found.stretch == published.stretch
     assert found.centre == published.centre
-    with pytest.raises(DataError, match=r"stretch: expected the entries"):
+    with refused(DataError, tmp_path / "camera", ": stretch: "):
         read_camera(written(tmp_path, json.dumps(given | {"d": d + 1e-5})))
 
 
 FOLDS = {"model": "pinhole"} | SIDES | FLAT | {"k1": -0.3}
-REFUSED: dict[str, tuple[str, str]] = {
-    "distortion that folds": (json.dumps(FOLDS), r"the distortion folds before pixel \(\d+, \d+\)"),
+REFUSED: dict[str, tuple[str, tuple[str, ...]]] = {
+    "distortion that folds": (json.dumps(FOLDS), ("folds before pixel (",)),
     "a fisheye that folds": (
         json.dumps({"model": "fisheye"} | SIDES | FLAT | {"k1": -2.0}),
-        r"the distortion folds before pixel",
+        ("folds before pixel (",),
     ),
-    "no size": (json.dumps(FLAT), r"size: expected the height and width"),
-    "K without a size": ("75 0 63\n0 76 47\n0 0 1\n", r"size: expected the height and width"),
-    "K of two rows": ("75 0 63\n0 76 47\n", r"K: expected three rows of three numbers, got 6"),
-    "K and words": ("75 0 63\nseventy\n", r"expected rows of numbers, got 'seventy'"),
+    "no size": (json.dumps(FLAT), (": size: ",)),
+    "K without a size": ("75 0 63\n0 76 47\n0 0 1\n", (": size: ",)),
+    "K of two rows": ("75 0 63\n0 76 47\n", (": K: ", "got 6")),
+    "K and words": ("75 0 63\nseventy\n", ("'seventy'",)),
     "a projection": (
         "75 0 63 9\n0 76 47 0\n0 0 1 0\n0 0 0 1\n",
-        r"K: expected three rows of three numbers, got four",
+        (": K: ", "got four"),
     ),
     "no K": (
         json.dumps({"K": [[75, 0, 63], [0, 76, 47], [0, 1, 1]]} | SIDES),
-        r"K: expected \[\[fx, skew, cx\]",
+        (": K: ", "[[fx, skew, cx]"),
     ),
     "K and fx": (
         json.dumps({"K": MATRIX} | SIDES | FLAT),
-        r"cx, cy, fx, fy: given twice, in a matrix as well",
+        (": cx, cy, fx, fy: ", "twice", "matrix"),
     ),
     "two names of one": (
         json.dumps({"w": 128} | SIDES | FLAT),
-        r"width: given twice, under this name and another",
+        (": width: ", "twice"),
     ),
-    "JSON with one name twice": ('{"fx": 1, "fx": 2}', r"fx: given twice"),
-    "YAML with one name twice": ("fx: 1\nfx: 2\n", r"fx: given twice"),
-    "lines with one name twice": ("fx = 1\nfx = 2\n", r".*option 'fx' in section 'camera' already exists"),
+    "JSON with one name twice": ('{"fx": 1, "fx": 2}', (": fx: ", "twice")),
+    "YAML with one name twice": ("fx: 1\nfx: 2\n", (": fx: ", "twice")),
+    "lines with one name twice": ("fx = 1\nfx = 2\n", ("'fx' in section 'camera'",)),
     "an order of sides": (
         json.dumps({"image_size": [128, 96]} | FLAT),
-        r"image_size: expected height and width under",
+        (": image_size: ", "height and width"),
     ),
     "either family, named": (
         json.dumps(SIDES | FLAT | KB4),
-        r"model: expected pinhole, .*polynomial.* fisheye or",
+        (": model: ", "pinhole, ", "polynomial", "fisheye or"),
     ),
     "either family, a vector": (
         json.dumps({"K": MATRIX, "D": list(KB4.values())} | SIDES),
-        r"model: expected pinhole, .*polynomial.* fisheye or",
+        (": model: ", "pinhole, ", "polynomial", "fisheye or"),
     ),
     "both families": (
         json.dumps({"model": "fisheye", "distortion_model": "plumb_bob"} | SIDES | FLAT),
-        r"model: expected one, got fisheye and plumb_bob",
+        (": model: ", "fisheye and plumb_bob"),
     ),
     "a fisheye with p1": (
         json.dumps({"model": "fisheye"} | SIDES | FLAT | BROWN),
-        r"p1, p2: a fisheye has k1 to k4",
+        (": p1, p2: ", "fisheye", "k1 to k4"),
     ),
     "a fisheye with five": (
         json.dumps({"model": "fisheye", "D": ORDER_5} | SIDES | FLAT),
-        r"distortion: expected the four numbers of a fisheye, got 5",
+        (": distortion: ", "four", "fisheye", "got 5"),
     ),
     "a thin prism": (
         json.dumps({"D": [*ORDER_8, 0.1, 0, 0, 0]} | SIDES | FLAT),
-        r"distortion: expected 4, 5, 8 numbers .* got 12.*polynomial",
+        (": distortion: ", "4, 5, 8 ", "got 12", "polynomial"),
     ),
     "three numbers": (
         json.dumps({"D": [K1, K2, K3]} | SIDES | FLAT),
-        r"distortion: expected 4, 5, 8 numbers .* got 3",
+        (": distortion: ", "4, 5, 8 ", "got 3"),
     ),
     "text in a vector": (
         json.dumps({"D": [K1, "x", 0, 0, 0]} | SIDES | FLAT),
-        r"distortion: expected numbers, got",
+        (": distortion: ", "'x'"),
     ),
-    "a vector and names": (json.dumps({"D": ORDER_5} | SIDES | FLAT | BROWN), r"k1, k2, p1, p2: given twice"),
+    "a vector and names": (
+        json.dumps({"D": ORDER_5} | SIDES | FLAT | BROWN),
+        (": k1, k2, p1, p2: ", "twice"),
+    ),
     "no such model": (
         json.dumps({"model": "double_sphere"} | SIDES | FLAT),
-        r"model: 'double_sphere' is not read; fit .*polynomial",
+        (": model: ", "'double_sphere'", "polynomial"),
     ),
-    "no such field": (json.dumps({"zoom": 1.2} | SIDES | FLAT), r"zoom: no such field"),
+    "no such field": (json.dumps({"zoom": 1.2} | SIDES | FLAT), (": zoom: ",)),
     "fields of another lens": (
         json.dumps({"s1": 0.1, "xi": 1.2} | SIDES | FLAT),
-        r"s1, xi: of a lens that is not read; fit .*polynomial",
+        (": s1, xi: ", "polynomial"),
     ),
-    "no focal length": (json.dumps(SIDES | FLAT | {"fx": 0.0}), r"fx, fy: expected numbers above 0"),
+    "no focal length": (json.dumps(SIDES | FLAT | {"fx": 0.0}), (": fx, fy: ", "above 0")),
     "numbers that are none": (
         json.dumps(SIDES | FLAT | {"k1": float("nan")}),
-        r"k1: expected finite numbers",
+        (": k1: ", "finite"),
     ),
     "Kalibr, omni": (
         kalibr("radtan", [0.0] * 4, "omni"),
-        r"camera_model: 'omni' of Kalibr is not read; fit .*polynomial",
+        (": camera_model: ", "'omni' of Kalibr", "polynomial"),
     ),
     "Kalibr, two": (
         kalibr("none", []) + kalibr("none", []).replace("cam0", "cam1"),
-        r"expected one camera, got cam0, cam1",
+        ("cam0, cam1",),
     ),
-    "Kalibr, fov": (kalibr("fov", [0.9]), r"model: 'fov' is not read; fit .*polynomial"),
+    "Kalibr, fov": (kalibr("fov", [0.9]), ("model: ", "'fov'", "polynomial")),
     "COLMAP, another": (
         colmap("1 FOV 128 96 75 76 63 47 0.9"),
-        r"model: 'FOV' of COLMAP is not read; fit .*polynomial",
+        ("model: ", "'FOV' of COLMAP", "polynomial"),
     ),
     "COLMAP, too few": (
         colmap("1 PINHOLE 128 96 75 63 47"),
-        r"parameters of PINHOLE \(fx, fy, cx, cy\): expected 4",
+        ("PINHOLE (fx, fy, cx, cy): ", "expected 4"),
     ),
     "COLMAP, two": (
         colmap("1 PINHOLE 128 96 75 76 63 47\n2 PINHOLE 128 96 75 76 63 48"),
-        r"expected one camera, got 2 that differ",
+        ("got 2 that differ",),
     ),
     "nerfstudio, two": (
         json.dumps({"frames": [{"fl_x": 75.0, "cx": 63.0}, {"fl_x": 76.0, "cx": 63.0}]}),
-        r"frames: expected one camera for all, got 2 that differ",
+        (": frames: ", "got 2 that differ"),
     ),
-    "nerfstudio, r^8": (transforms(camera_model="OPENCV", k4=0.1), r"k4: the eighth power .*polynomial"),
+    "nerfstudio, r^8": (transforms(camera_model="OPENCV", k4=0.1), (": k4: ", "polynomial")),
     "nerfstudio, a panorama": (
         transforms(camera_model="EQUIRECTANGULAR"),
-        r"model: 'EQUIRECTANGULAR' is not read",
+        ("model: ", "'EQUIRECTANGULAR'"),
     ),
     "Blender without sides": (
         json.dumps({"camera_angle_x": 0.7, "frames": []}),
-        r"camera_angle_x, w, h: expected numbers",
+        (": camera_angle_x, w, h: ",),
     ),
     "Vicalib, another": (
         vicalib("calibu_fu_fv_u0_v0_w", 75, 76, 63, 47, 1),
-        r"camera_model: 'calibu_fu_fv_u0_v0_w'",
+        (": camera_model: ", "'calibu_fu_fv_u0_v0_w'"),
     ),
     "ROS, binned": (
         ros("plumb_bob", ORDER_5) + "binning_x: 2\n",
-        r"binning_x: expected the camera of whole images",
+        (": binning_x: ", "whole images"),
     ),
     "ROS, cut": (
         ros("plumb_bob", ORDER_5) + "roi: {x_offset: 4, y_offset: 0, height: 0, width: 0}\n",
-        r"roi: expected the camera of whole images",
+        (": roi: ", "whole images"),
     ),
     "Mei's model in a storage": (
         storage(".yml", image_width=128, image_height=96, xi=1.2),
-        r"xi: of a lens that is not read; fit .*polynomial",
+        (": xi: ", "polynomial"),
     ),
-    "two cameras in a storage": (storage(".yml", M1=1.0, M2=2.0), r"expected one camera, got two"),
+    "two cameras in a storage": (storage(".yml", M1=1.0, M2=2.0), ("got two",)),
     "a stretch that is flat": (
         json.dumps(SIDES | SCARAMUZZA | STRAIGHT | {"c": 0.0}),
-        r"stretch: expected a matrix",
+        (": stretch: ", "matrix"),
     ),
     "a block of text for a camera": (
         "cam0: |\n  a: 1\n  b: 2\n",
-        r"expected fields of a camera, got a: 1 b: 2",
+        ("got a: 1 b: 2",),
     ),
-    "other XML": ("<svg></svg>", r"expected <opencv_storage> or one <camera_model>, got 0 in <svg>"),
-    "XML with entities": ('<!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>', r"expected XML without declarations"),
-    "broken XML": ("<opencv_storage>", r"expected XML that can be read"),
-    "YAML with aliases": ("a: &b [1]\nc: *b\n", r"expected plain YAML, without aliases"),
-    "two documents": ("fx: 1\n---\nfx: 2\n", r"expected one document, got 2"),
-    "prose": ("The camera was calibrated.", r"expected names with values, got a str"),
-    "nothing": ("\n# nothing\n", r"expected numbers of a lens, got an empty file"),
+    "other XML": ("<svg></svg>", ("<opencv_storage>", "<camera_model>", "0 in <svg>")),
+    "XML with entities": ('<!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>', ("XML", "declarations")),
+    "broken XML": ("<opencv_storage>", ("XML", "read")),
+    "YAML with aliases": ("a: &b [1]\nc: *b\n", ("YAML", "aliases")),
+    "two documents": ("fx: 1\n---\nfx: 2\n", ("document", "got 2")),
+    "prose": ("The camera was calibrated.", ("got a str",)),
+    "nothing": ("\n# nothing\n", ("empty",)),
 }
 
 
 @pytest.mark.parametrize("form", REFUSED)
 def test_what_is_not_read_is_refused_in_a_line(tmp_path: Path, form: str) -> None:
-    text, message = REFUSED[form]
-    with pytest.raises(DataError, match=rf"camera: not a camera: {message}") as caught:
+    text, named = REFUSED[form]
+    with refused(DataError, tmp_path / "camera", "not a camera", *named) as caught:
         read_camera(written(tmp_path, text))
     assert "\n" not in str(caught.value)
 
@@ -511,7 +515,7 @@ def test_what_is_not_read_is_refused_in_a_line(tmp_path: Path, form: str) -> Non
 def test_a_binary_file_is_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "cameras.bin"
     path.write_bytes(content)
-    with pytest.raises(DataError, match=r"expected a text, got a binary file"):
+    with refused(DataError, path, "binary"):
         read_camera(path)
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 import torch
+from refusals import refused
 
 from col3d.data.datasets.octagon import octagon_mask
 from col3d.errors import DataError, UserError
@@ -33,7 +34,7 @@ def test_distortion_without_a_size_is_checked_at_that_of_the_images(tmp_path: Pa
     vector = {"K": [[75.0, 0, 63.0], [0, 75.0, 47.0], [0, 0, 1]], "D": [-0.12, 0.0, 0.0, 0.0, 0.0]}
     lens = lens_of(written(tmp_path, json.dumps(vector)))
     assert isinstance(lens, RadialTangentialCamera)
-    with pytest.raises(DataError, match=r"camera: the distortion folds before pixel"):
+    with refused(DataError, "camera", "folds before pixel ("):
         camera_at(lens, (196, 228))
     assert camera_at(lens, (96, 128)).size_hw == (96, 128)
 
@@ -66,7 +67,7 @@ def test_what_all_of_an_image_shows_needs_no_mask(tmp_path: Path) -> None:
 def test_a_file_that_changes_is_read_again(tmp_path: Path) -> None:
     path = written(tmp_path, json.dumps(FISHEYE))
     assert isinstance(lens_of(path), FisheyeCamera)
-    with pytest.raises(UserError, match=r"camera: .*not a camera: model: 'x' is not read; fit .*polynomial"):
+    with refused(UserError, "camera", f"{path}: ", "model: ", "'x'", "polynomial"):
         lens_of(written(tmp_path, json.dumps(FISHEYE | {"model": "x"})))
 
 
@@ -87,8 +88,8 @@ def test_a_principal_point_far_outside_is_refused(
         "matrix": written(tmp_path, f"75 0 {u}\n0 75 {v}\n0 0 1\n"),
         "file with a size": written(tmp_path, json.dumps(plain), "sized.json"),
     }
-    said = rf"^camera: .*the principal point \({u:.6g}, {v:.6g}\) lies far outside of an image of 96 x 128"
-    with pytest.raises((UserError, DataError), match=said.replace("+", r"\+")):
+
+    with refused((UserError, DataError), "camera", f"({u:.6g}, {v:.6g})", "96 x 128"):
         camera_at(lens_of(options[kind]), (96, 128))
 
 

@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 import torch
 from parity import needs_parity, published_state
+from refusals import refused
 from tiny_run import SMALL, composed
 from torch import Tensor
 
 from col3d import weights
 from col3d.batch import Prediction
-from col3d.errors import UserError
+from col3d.errors import OptionError, UserError
 from col3d.evaluation.evaluate import evaluate
 from col3d.inference import trained_network as learning
 from col3d.inference.demo.answer import answer
@@ -70,7 +71,7 @@ def test_weights_that_are_no_numbers_are_used_by_nobody(
 ) -> None:
     path = spoiled(tiny_checkpoint, tmp_path / "some.ckpt", value)
     for run in readers(path, phantom_root, tmp_path / "out"):
-        with pytest.raises(UserError, match=rf"^checkpoint: {path}: network\..* is not finite") as error:
+        with refused(UserError, "checkpoint", f"{path}: network.", "finite") as error:
             run()
         assert "\n" not in str(error.value)
     assert not [found for found in (tmp_path / "out").rglob("*") if found.is_file()]
@@ -85,7 +86,7 @@ def test_one_bit_in_the_weights_is_noticed_by_everybody(
     largest = max((v for n, v in state.items() if n.startswith("network.")), key=torch.numel)
     path.write_bytes(flipped(content, content.index(bytes(largest.untyped_storage())) + 100, 3))
     for run in readers(path, phantom_root, tmp_path / "out"):
-        with pytest.raises(UserError, match=rf"^checkpoint: {path} is damaged"):
+        with refused(UserError, "checkpoint", f"{path} is damaged"):
             run()
 
 
@@ -113,7 +114,7 @@ def test_any_bit_of_the_shipped_file_is_noticed(tmp_path: Path, monkeypatch: pyt
     assert load_predictor(Path(SHIPPED)).name == load_predictor(WHOLE).name
     for place in random.integers(len(content), size=BITS):
         path.write_bytes(flipped(content, int(place), int(place) % 8))
-        with pytest.raises(UserError, match=r"shipped\.ckpt is damaged"):
+        with refused(UserError, None, f"{path} is damaged"):
             load_predictor(Path(SHIPPED))
 
 
@@ -125,7 +126,7 @@ def test_published_weights_that_are_no_numbers(zipped: bool, tmp_path: Path) -> 
     state[name] = state[name].clone()
     state[name].view(-1)[-1] = math.nan
     torch.save({"model": state}, tmp_path / "weights", _use_new_zipfile_serialization=zipped)
-    with pytest.raises(UserError, match=f"{name} is not finite"):
+    with refused(UserError, None, name, "finite"):
         published_network(tmp_path / "weights", "col3d_mtl")
 
 
@@ -137,10 +138,10 @@ def test_weights_to_start_from(tmp_path: Path) -> None:
     content = path.read_bytes()
     name, largest = max(whole.items(), key=lambda pair: pair[1].numel())
     path.write_bytes(flipped(content, content.index(bytes(largest.untyped_storage())) + 100, 3))
-    with pytest.raises(ValueError, match=rf"^model\.pretrained: {path} is damaged"):
+    with refused(OptionError, "model.pretrained", f"{path} is damaged"):
         Encoder("lcnet_035", str(path))
     torch.save({**whole, name: torch.full_like(largest, math.nan)}, path)
-    with pytest.raises(ValueError, match=r"^model\.pretrained: .* is not finite"):
+    with refused(OptionError, "model.pretrained", path, name, "finite"):
         Encoder("lcnet_035", str(path))
 
 
@@ -159,12 +160,13 @@ def test_depth_that_is_no_number_is_written_by_nobody(
         patched.setattr(type(network.network), "forward", overflowing)
         found = list(readers(tiny_checkpoint, phantom_root, tmp_path / "out"))
         for run in (*found[:TRACED], *found[TRACED + 1 :]):
-            with pytest.raises(UserError, match=r"depth .*is not finite|nothing was written"):
+            with refused(UserError, None, "depth ") as error:
                 run()
-        with pytest.raises(UserError, match=r"depth of desc_t4_a:0 is not finite in the test"):
+            assert "finite" in str(error.value) or "nan" in str(error.value)
+        with refused(UserError, None, "depth of desc_t4_a:0 ", "finite"):
             evaluate(composed("evaluate", f"checkpoint={tiny_checkpoint}", "accelerator=cpu", "split=test"))
     assert not list((tmp_path / "out").rglob("*.tiff"))
-    with pytest.raises(UserError, match="normals of a, frame 3, is not finite"):
+    with refused(UserError, None, "normals of a, frame 3,", "finite"):
         PredictionWriter(tmp_path / "p", {"max_depth": 1.0}).add(
             "a", 3, np.ones((2, 2)), np.full((2, 2, 3), math.nan)
         )
@@ -177,7 +179,7 @@ def test_a_test_that_gives_no_numbers_finishes_no_run(
         return {"depth": prediction["depth"] * math.inf}
 
     monkeypatch.setattr("col3d.evaluation.predict_frames.known_maps", overflows)
-    with pytest.raises(UserError, match=r"depth of desc_t4_a:0 is not finite in the test"):
+    with refused(UserError, None, "depth of desc_t4_a:0 ", "finite"):
         train(tiny("model=bts", SMALL, "callbacks.panels=0"))
     assert not (tmp_path / "run" / "result.json").exists()
 
@@ -197,13 +199,13 @@ def test_the_best_weights_of_another_run_are_noticed(
     for name in ("other", "twin"):
         shutil.copy(tmp_path / name / "checkpoints" / "best.ckpt", best)
         for run in readers(best, phantom_root, tmp_path / "out"):
-            with pytest.raises(UserError, match=rf"^checkpoint: {best} is of another run"):
+            with refused(UserError, "checkpoint", f"{best} is of another run"):
                 run()
         capsys.readouterr()
         train(tiny(*quick))
         assert f"note: {best} is of another run" in capsys.readouterr().out
         (tmp_path / "run" / "result.json").unlink()
-        with pytest.raises(UserError, match=f"{best} is of another run"):
+        with refused(UserError, None, f"{best} is of another run"):
             train(tiny(*quick))
         best.write_bytes(own)
         train(tiny(*quick))

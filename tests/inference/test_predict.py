@@ -12,6 +12,7 @@ import pytest
 import torch
 import trimesh
 from PIL import Image
+from refusals import refused
 from tiny_run import composed
 
 from col3d.data.datasets.c3vd import C3VD
@@ -98,7 +99,7 @@ def test_without_a_camera_no_millimetres_are_claimed(
     assert (facts["metric"], facts["camera"]) == (False, None)
     assert "relative" in str(facts["depth_codes"])
     assert "no millimetres are claimed" in capsys.readouterr().out
-    with pytest.raises(UserError, match="clouds: points need viewing rays"):
+    with refused(UserError, "clouds", "camera=c3vd"):
         predicted(tiny_checkpoint, phantom_root, tmp_path / "other", "clouds=1")
 
 
@@ -126,13 +127,14 @@ def test_broken_images_are_reported_and_skipped(
     rows = predicted(tiny_checkpoint, folder, tmp_path / "out", "camera=c3vd")
     assert [row["name"] for row in rows] == ["shot_2", "shot_3", "shot_4", "shot_5", "shot_10"]
     assert [bool(row["fault"]) for row in rows] == [False, True, True, True, False]
-    assert "the lens is of 1080 x 1350 pixels and the image of 48 x 48" in rows[3]["fault"]
+    for named in ("1080 x 1350", "48 x 48"):
+        assert named in rows[3]["fault"]
     assert summary(tmp_path / "out")["skipped"] == 3
     assert capsys.readouterr().out.count("skipped: ") == 3
     assert not (tmp_path / "out" / "side_by_side.mp4").exists()
     (tmp_path / "bad").mkdir()
     (tmp_path / "bad" / "a.png").write_text("no image")
-    with pytest.raises(UserError, match=r"no image of .*bad could be predicted; the first: .*a\.png"):
+    with refused(UserError, "input", tmp_path / "bad" / "a.png"):
         predicted(tiny_checkpoint, tmp_path / "bad", tmp_path / "nothing")
 
 
@@ -155,18 +157,23 @@ def test_a_video_file_and_a_pattern(tiny_checkpoint: Path, tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(
-    ("overrides", "said"),
+    ("overrides", "about", "named"),
     [
-        (["camera=endoscope"], "camera: 'endoscope' is no file and no known lens"),
-        (["camera=[1,2]"], r"camera: expected \[fx,fy,cx,cy\]"),
-        (["range=[5,5]"], "range: expected .* low below high"),
-        (["max_depth=50"], "max_depth: only for published weights"),
+        (["camera=endoscope"], "camera", ("'endoscope'", "c3vd, c3vdv2, simcol3d")),
+        (["camera=[1,2]"], "camera", ("[fx,fy,cx,cy]", "[1.0, 2.0]")),
+        (["range=[5,5]"], "range", ("[low,high]", "[5.0, 5.0]")),
+        (["max_depth=50"], "max_depth", ("published",)),
     ],
 )
 def test_what_cannot_be_is_refused(
-    overrides: list[str], said: str, tiny_checkpoint: Path, phantom_root: Path, tmp_path: Path
+    overrides: list[str],
+    about: str,
+    named: tuple[str, ...],
+    tiny_checkpoint: Path,
+    phantom_root: Path,
+    tmp_path: Path,
 ) -> None:
-    with pytest.raises(UserError, match=said):
+    with refused(UserError, about, *named):
         predicted(tiny_checkpoint, phantom_root / "desc_t4_a", tmp_path / "out", *overrides)
     assert not (tmp_path / "out").exists()
 
@@ -175,15 +182,15 @@ def test_an_earlier_prediction_stays(tiny_checkpoint: Path, phantom_root: Path, 
     image = phantom_root / "desc_t4_a" / "0000_color.png"
     (tmp_path / "mine.txt").write_text("kept")
     predicted(tiny_checkpoint, image, tmp_path)
-    with pytest.raises(UserError, match="holds a prediction already"):
+    with refused(UserError, "output", f"{tmp_path} holds a prediction"):
         predicted(tiny_checkpoint, image, tmp_path)
     predicted(tiny_checkpoint, image, tmp_path, "overwrite=true", "previews=false")
     assert (tmp_path / "mine.txt").read_text() == "kept"
     assert not (tmp_path / "previews").exists()
-    with pytest.raises(UserError, match=r"no image of .* could be predicted"):
+    with refused(UserError, "input", image.parent / "0000_depth.tiff"):
         predicted(tiny_checkpoint, image.parent / "0000_depth.tiff", tmp_path, "overwrite=true")
     assert (tmp_path / "frames" / "0000_color_depth.tiff").exists()
-    with pytest.raises(UserError, match="input: no such file or folder"):
+    with refused(UserError, "input", "no such file", tmp_path / "absent.png"):
         predicted(tiny_checkpoint, tmp_path / "absent.png", tmp_path / "other")
 
 
@@ -196,7 +203,7 @@ def test_prediction_at_an_image_of_the_networks_size_is_the_networks(tiny_checkp
     assert torch.equal(whole["depth"], own["depth"])
     points = points_from_depth(whole["depth"], LENS.rays())
     assert points.shape == (2, 3, 64, 80)
-    with pytest.raises(ValueError, match="camera: expected one of"):
+    with refused(ValueError, "camera", "(64, 80)", "(32, 40)"):
         network.predict(images, LENS.resized((32, 40)))
 
 
@@ -206,11 +213,11 @@ def test_folders_of_others_and_the_input_itself_stay(
     (tmp_path / "frames").mkdir()
     mine = tmp_path / "frames" / "mine.png"
     shutil.copy(phantom_root / "desc_t4_a" / "0000_color.png", mine)
-    with pytest.raises(UserError, match="holds frames, which is of no prediction"):
+    with refused(UserError, "output", f"{tmp_path} holds frames,"):
         predicted(tiny_checkpoint, tmp_path / "frames", tmp_path, "overwrite=true")
     assert mine.exists()
     predicted(tiny_checkpoint, phantom_root / "desc_t4_a", tmp_path / "out", "files=false")
-    with pytest.raises(UserError, match="holds the input"):
+    with refused(UserError, "output", f"{tmp_path / 'out'} holds the input"):
         predicted(tiny_checkpoint, tmp_path / "out" / "side_by_side.mp4", tmp_path / "out", "overwrite=true")
 
 
@@ -259,7 +266,7 @@ def test_a_lens_of_other_sides_is_refused_before_a_frame_is_decoded(
     writer.release()
     source = {"video": "clip.avi", "image": "folder/0.png", "folder": "folder"}[kind]
     refuse_to_work(monkeypatch)
-    with pytest.raises(UserError, match=r"camera: the lens is of .* pixels and the image of 64 x 96"):
+    with refused(UserError, "camera", "64 x 96"):
         predicted(tmp_path / "any.ckpt", source, tmp_path / "out", f"camera={camera}")
     with pytest.raises(Decoded):  # a lens that fits is no reason to refuse
         predicted(tmp_path / "any.ckpt", source, tmp_path / "out", "camera=[60,60,48,32]")
@@ -272,7 +279,7 @@ def test_a_folder_that_is_taken_is_refused_before_a_network_is_read(
     (tmp_path / "out" / "frames").mkdir(parents=True)
     (tmp_path / "out" / "frames" / "mine.txt").touch()
     refuse_to_work(monkeypatch)
-    with pytest.raises(UserError, match="holds frames, which is of no prediction of this program"):
+    with refused(UserError, "output", f"{tmp_path / 'out'} holds frames,"):
         predicted(tmp_path / "any.ckpt", tmp_path / "a.png", tmp_path / "out")
 
 
@@ -281,10 +288,10 @@ def test_a_folder_that_cannot_be_made_is_refused_before_a_network_is_read(
 ) -> None:
     cv2.imwrite(str(tmp_path / "a.png"), np.zeros((64, 80, 3), np.uint8))
     refuse_to_work(monkeypatch)
-    with pytest.raises(UserError, match=r"cannot be made, for .*a\.png is a file"):
+    with refused(UserError, "output", tmp_path / "a.png" / "x" / "out", f"{tmp_path / 'a.png'} is a file"):
         predicted(tmp_path / "any.ckpt", tmp_path / "a.png", tmp_path / "a.png" / "x" / "out")
     monkeypatch.setattr("os.access", lambda *_: False)
-    with pytest.raises(UserError, match=r"cannot be made, for nothing can be written to "):
+    with refused(UserError, "output", tmp_path / "out", f"to {tmp_path}"):
         predicted(tmp_path / "any.ckpt", tmp_path / "a.png", tmp_path / "out")
 
 

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from PIL import Image
+from refusals import refused
 
 from col3d.data.files.decode import read_whole
 from col3d.data.files.image_files import check_header
@@ -90,14 +91,14 @@ def test_a_format_that_nobody_asked_for_is_no_image(kind: str, tmp_path: Path) -
     with Image.open(path) if kind != "PDF" else picture:
         pass  # any other reader takes it
     for read in (read_image, read_photo, lambda path: check_header(path, (24, 32), None, None)):
-        with pytest.raises(DataError, match=r"a\.png: not a"):
+        with refused(DataError, None, "a.png: ", "not a"):
             read(path)
 
 
 def test_verification_opens_no_other_format(tmp_path: Path) -> None:
     path = tmp_path / "a.tiff"
     Image.new("RGB", (32, 24)).save(path, "EPS")
-    with pytest.raises(DataError, match=r"a\.tiff: cannot be decoded"):
+    with refused(DataError, path, "decoded"):
         read_whole(path)
 
 
@@ -115,9 +116,9 @@ def test_a_list_of_other_files_is_no_video(kind: str, ending: str, tmp_path: Pat
     write_video(tmp_path / "real.mp4")
     path = tmp_path / f"list.{ending}"
     path.write_text(LISTS[kind])
-    with pytest.raises(DataError, match="cannot be opened as a video"):
+    with refused(DataError, path, "opened as a video"):
         image_source(str(path))
-    with pytest.raises(DataError, match=f"^list.{ending}: cannot be opened as a video"):
+    with refused(DataError, path.name, "opened as a video"):
         read_clip(path, 64)
 
 
@@ -129,7 +130,7 @@ def test_a_name_is_no_pattern_and_no_protocol(tmp_path: Path, monkeypatch: pytes
     assert len(list(image_source("00.mp4"))) == 1  # an image by what it holds, and no row of them
     for name in ("%02d.mp4", "image2:x.mp4"):
         Path(name).touch()
-        with pytest.raises(DataError, match="cannot be opened as a video"):
+        with refused(DataError, name, "opened as a video"):
             image_source(name)
     write_video(Path("a.mp4")).rename("concat:b.mp4")
     assert len(list(image_source("concat:b.mp4"))) == 5
@@ -147,7 +148,5 @@ def test_a_line_is_no_image(size: tuple[int, int], tmp_path: Path) -> None:
     path = tmp_path / "a.png"
     Image.new("L", size).save(path)
     for read in (read_image, read_photo):
-        with pytest.raises(
-            DataError, match=rf"a\.png: .*at most 20 times the other, got {size[1]} x {size[0]}"
-        ):
+        with refused(DataError, None, "a.png: ", "20 times", f"{size[1]} x {size[0]}"):
             read(path)

@@ -2,8 +2,10 @@
 
 import pytest
 import torch
+from refusals import refused
 from torch import nn
 
+from col3d.errors import OptionError
 from col3d.layers.aspp import RATES, AtrousBranch, DenseASPP, DenseTrunk
 
 
@@ -40,5 +42,5 @@ def test_sizes_at_the_published_width() -> None:
 
 @pytest.mark.parametrize("width", [0, -64, 100])
 def test_width_must_fit(width: int) -> None:
-    with pytest.raises(ValueError, match=rf"model\.width: must be a positive multiple of 64, got {width}"):
+    with refused(OptionError, "model.width", 64, width):
         DenseTrunk([1, 1, 1, 1, 1], width)

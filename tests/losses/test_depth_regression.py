@@ -7,6 +7,7 @@ import laws
 import numpy as np
 import pytest
 import torch
+from refusals import refused
 from torch import Tensor
 
 from col3d.losses.depth import silog
@@ -78,7 +79,7 @@ def test_depth_that_is_no_number_gives_a_loss_that_is_none(loss, twin) -> None:
 
 def test_depth_of_other_shapes_is_refused() -> None:
     unchecked = inspect.unwrap(depth_l1)  # as it is outside of tests, where shapes are no types
-    with pytest.raises(ValueError, match=r"preds, target: expected one shape"):
+    with refused(ValueError, "preds, target", tuple(PREDS.shape), tuple(TARGET[:1].shape)):
         unchecked(PREDS, TARGET[:1], MASK)
 
 

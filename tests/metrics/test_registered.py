@@ -6,6 +6,7 @@ from typing import Annotated, Any
 import pytest
 import torch
 from pydantic import Field
+from refusals import refused
 from torch import Tensor
 
 from col3d.errors import OptionError, UserError
@@ -96,9 +97,9 @@ def test_predictions_are_bounded_unless_the_function_does_so_itself() -> None:
 @pytest.mark.parametrize(
     ("answer", "came"),
     [
-        (lambda preds: preds.mean(), r"shape \(\)"),
-        (lambda preds: preds.mean(dim=1), r"shape \(3, 4, 5\)"),
-        (lambda preds: preds.flatten(1).mean(dim=1, keepdim=True), r"shape \(3, 1\)"),
+        (lambda preds: preds.mean(), "shape ()"),
+        (lambda preds: preds.mean(dim=1), "shape (3, 4, 5)"),
+        (lambda preds: preds.flatten(1).mean(dim=1, keepdim=True), "shape (3, 1)"),
         (lambda preds: 0.5, "float"),
         (lambda preds: None, "NoneType"),
         (lambda preds: {"other": preds.flatten(1).mean(dim=1)}, "NoneType"),
@@ -109,9 +110,9 @@ def test_what_is_no_value_a_frame_is_refused(answer: Callable[[Tensor], Any], ca
         return answer(preds)
 
     register_metric("wrong", wrong)
-    with pytest.raises(UserError, match=rf"^metric wrong: .*\.wrong has to return one value .*got {came}$"):
+    with refused(UserError, "metric wrong", "wrong has to return", f"got {came}"):
         measure("depth", *MAPS)
-    with pytest.raises(UserError, match=r"^metric wrong: .* a tensor of shape \(2,\) for 2 frames"):
+    with refused(UserError, "metric wrong", "(2,)", "2 frames"):
         try_metrics(("depth",), (4, 5))
     try_metrics(("normals",), (4, 5))
 
@@ -121,42 +122,42 @@ def test_an_error_of_the_function_is_left_as_it_is() -> None:
         raise KeyError("mine")
 
     register_metric("broken", broken, task="normals")
-    with pytest.raises(KeyError, match="mine"):
+    with refused(KeyError, None, "mine"):
         try_metrics(("depth", "normals"), (4, 5))
 
 
 @pytest.mark.parametrize(
-    ("said", "rule"),
+    ("said", "named"),
     [
-        ({"name": "pixels"}, "register_metric: pixels is the name of another column"),
-        ({"name": "video"}, "register_metric: video is the name of another column"),
-        ({"name": "loss"}, "register_metric: loss is the name of another column"),
-        ({"name": "loss_depth"}, "register_metric: loss_depth is the name of another column"),
-        ({"name": "a b"}, "register_metric: a name is letters, digits and _, got 'a b'"),
-        ({"name": "abs_rel"}, "register_metric: abs_rel is a metric of col3d; give yours another name"),
-        ({"task": "dpeth"}, "register_metric: mine: task: 'dpeth' is unknown; did you mean 'depth'"),
-        ({"better": "up"}, "register_metric: mine: better: 'up' is unknown"),
-        ({"over_pixels": "sum"}, "register_metric: mine: over_pixels: 'sum' is unknown"),
-        ({"heading": "a\nb"}, "register_metric: mine: heading: expected one line"),
-        ({"decimals": -1}, "register_metric: mine: decimals: expected 0 to 12, got -1"),
+        ({"name": "pixels"}, ("pixels ", "column")),
+        ({"name": "video"}, ("video ", "column")),
+        ({"name": "loss"}, ("loss ", "column")),
+        ({"name": "loss_depth"}, ("loss_depth ", "column")),
+        ({"name": "a b"}, ("'a b'",)),
+        ({"name": "abs_rel"}, ("abs_rel ", "col3d")),
+        ({"task": "dpeth"}, ("mine: task: ", "'dpeth'", "'depth'")),
+        ({"better": "up"}, ("mine: better: ", "'up'")),
+        ({"over_pixels": "sum"}, ("mine: over_pixels: ", "'sum'")),
+        ({"heading": "a\nb"}, ("mine: heading: ", "one line")),
+        ({"decimals": -1}, ("mine: decimals: ", "0 to 12", -1)),
     ],
 )
-def test_registrations_that_files_could_not_hold(said: dict[str, Any], rule: str) -> None:
+def test_registrations_that_files_could_not_hold(said: dict[str, Any], named: tuple[object, ...]) -> None:
     given = {"name": "mine", **said}
-    with pytest.raises(ValueError, match=f"^{rule}"):
+    with refused(ValueError, "register_metric", *named):
         register_metric(given.pop("name"), bias, **given)
 
 
 @pytest.mark.parametrize(
-    ("said", "rule"),
+    ("said", "named"),
     [
-        ({"label": "a\nb"}, "register_model: mine: label: expected one line"),
-        ({"colour": "red"}, "register_model: mine: colour: expected #RRGGBB, got 'red'"),
-        ({"colour": "#12345"}, "register_model: mine: colour: expected #RRGGBB"),
+        ({"label": "a\nb"}, ("mine: label: ", "one line")),
+        ({"colour": "red"}, ("mine: colour: ", "#RRGGBB", "'red'")),
+        ({"colour": "#12345"}, ("mine: colour: ", "#RRGGBB", "'#12345'")),
     ],
 )
-def test_labels_and_colours_that_reports_could_not_show(said: dict[str, str], rule: str) -> None:
-    with pytest.raises(ValueError, match=f"^{rule}"):
+def test_labels_and_colours_that_reports_could_not_show(said: dict[str, str], named: tuple[str, ...]) -> None:
+    with refused(ValueError, "register_model", *named):
         register_model("mine", torch.nn.Identity, **said)
 
 
@@ -176,31 +177,24 @@ def test_options_are_held_against_the_signature() -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "rule"),
+    ("given", "about", "named"),
     [
-        ({"boundary_fl": {}}, "metrics: 'boundary_fl' is unknown; did you mean 'boundary_f1'"),
+        ({"boundary_fl": {}}, "metrics", ("'boundary_fl'", "'boundary_f1'")),
         (
             {"boundary_f1": {"min_treshold": 1.1}},
-            "metrics.boundary_f1.min_treshold: no such option; did you mean "
-            "'metrics.boundary_f1.min_threshold'",
+            "metrics.boundary_f1.min_treshold",
+            ("'metrics.boundary_f1.min_threshold'",),
         ),
-        (
-            {"boundary_f1": {"erosion": -1}},
-            "metrics.boundary_f1.erosion: expected greater than or equal to 0",
-        ),
-        (
-            {"boundary_f1": {"min_threshold": "x"}},
-            "metrics.boundary_f1.min_threshold: expected a valid number",
-        ),
-        ({"boundary_f1": 3}, "metrics.boundary_f1: expected options"),
-        ({"abs_rel": {"max_depth": 3}}, "metrics.abs_rel.max_depth: no such option"),
-        (["boundary_f1"], "metrics: expected options by the names of metrics"),
+        ({"boundary_f1": {"erosion": -1}}, "metrics.boundary_f1.erosion", ("or equal to 0", -1)),
+        ({"boundary_f1": {"min_threshold": "x"}}, "metrics.boundary_f1.min_threshold", ("number", "'x'")),
+        ({"boundary_f1": 3}, "metrics.boundary_f1", ("options", 3)),
+        ({"abs_rel": {"max_depth": 3}}, "metrics.abs_rel.max_depth", ("no such option",)),
+        (["boundary_f1"], "metrics", ("names of metrics", "['boundary_f1']")),
     ],
 )
-def test_options_that_break_a_rule_are_one_line(given: Any, rule: str) -> None:
-    with pytest.raises(OptionError) as error:
+def test_options_that_break_a_rule_are_one_line(given: Any, about: str, named: tuple[object, ...]) -> None:
+    with refused(OptionError, about, *named) as error:
         metric_options(given)
-    assert str(error.value).startswith(rule)
     assert "\n" not in str(error.value)
 
 
@@ -210,7 +204,7 @@ def test_functions_of_several_metrics_take_options_once() -> None:
 
     register_metrics((MetricSpec("one"), MetricSpec("other")), both)
     assert metric_options({"other": {"share": 0.1}}) == {"other": {"share": 0.1}}
-    with pytest.raises(OptionError, match=r"^metrics\.other: is computed with one; give the options under"):
+    with refused(OptionError, "metrics.other", "one"):
         metric_options({"one": {"share": 0.1}, "other": {"share": 0.2}})
 
 

@@ -1,9 +1,10 @@
 """BTS-CBAM: where attention acts, and the two depths at full size."""
 
-import pytest
 import torch
+from refusals import refused
 from torch import nn
 
+from col3d.errors import OptionError
 from col3d.layers.cbam import CBAM
 from col3d.models.bts import BTS
 from col3d.models.bts_cbam import BTSCBAM, PublishedFinestDepth
@@ -34,5 +35,5 @@ def test_published_depth_divides_by_the_sum_of_the_normal() -> None:
 
 
 def test_unknown_heads() -> None:
-    with pytest.raises(ValueError, match=r"model\.heads: 'publish' is unknown; did you mean 'published'"):
+    with refused(OptionError, "model.heads", "'publish'", "'published'"):
         BTSCBAM("resnet18", width=64, heads="publish")

@@ -6,11 +6,13 @@ from pathlib import Path
 
 import pytest
 import torch
+from refusals import refused
 from small import small
 from timm.layers import DropPath
 from torch import Tensor, nn
 
 from col3d.batch import Prediction
+from col3d.errors import OptionError
 from col3d.geometry import OmnidirectionalCamera
 from col3d.layers.network import DepthNetwork
 from col3d.models import create
@@ -162,7 +164,7 @@ def test_normals_in_the_frame_of_the_ray_face_the_camera(network: DepthNetwork) 
     if network.needs_rays:
         normals = predict(network, torch.rand(1, 3, 64, 96))["normals"]
         assert ((normals * LENS.resized((64, 96)).rays()).sum(dim=1) < 0).all()
-        with pytest.raises(ValueError, match="rays: normals in the frame of the ray need"):
+        with refused(ValueError, "rays"):
             network(torch.rand(1, 3, 64, 96))
 
 
@@ -175,24 +177,21 @@ def test_attention_and_normals_are_all_that_col3d_mtl_adds() -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "message"),
+    ("options", "about", "named"),
     [
-        ({"name": "col3d_mtl", "normals": "none"}, r"model\.normals: col3d_mtl always predicts normals"),
-        ({"name": "bts", "normals": "ucn"}, r"model\.normals: 'ucn' is unknown; did you mean 'unc'"),
-        (
-            {"name": "bts", "normals": "unc", "normal_frame": "rays"},
-            r"model\.normal_frame: 'rays' is unknown",
-        ),
-        ({"name": "bts", "max_depth": 0.0}, r"model\.max_depth: expected greater than 0"),
+        ({"name": "col3d_mtl", "normals": "none"}, "model.normals", ("col3d_mtl",)),
+        ({"name": "bts", "normals": "ucn"}, "model.normals", ("'ucn'", "'unc'")),
+        ({"name": "bts", "normals": "unc", "normal_frame": "rays"}, "model.normal_frame", ("'rays'",)),
+        ({"name": "bts", "max_depth": 0.0}, "model.max_depth", ("greater than 0",)),
     ],
 )
-def test_what_does_not_fit(options: dict[str, str], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
+def test_what_does_not_fit(options: dict[str, str], about: str, named: tuple[str, ...]) -> None:
+    with refused(OptionError, about, *named):
         small(**options)
 
 
 def test_unknown_name() -> None:
-    with pytest.raises(ValueError, match=r"model\.name: 'bts_cban' is unknown; did you mean 'bts_cbam'"):
+    with refused(OptionError, "model.name", "'bts_cban'", "'bts_cbam'"):
         create("bts_cban")
 
 

@@ -1,7 +1,9 @@
 import pytest
 import torch
+from refusals import refused
 from small import small
 
+from col3d.errors import OptionError
 from col3d.models import create
 from col3d.registry import available
 
@@ -19,5 +21,5 @@ def test_float64_is_the_twin_of_float32(name: str) -> None:
 
 
 def test_a_depth_bound_that_is_none_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"model\.max_depth: expected greater than 0, got 0"):
+    with refused(OptionError, "model.max_depth", "greater than 0", "got 0"):
         create("bts", encoder="resnet18", width=64, max_depth=0.0)

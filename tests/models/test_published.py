@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 import torch
 from parity import needs_parity, network_input, published_numbers, published_state
+from refusals import refused
 from torch import Tensor
 
+from col3d.errors import OptionError
 from col3d.geometry import PinholeCamera, normals_from_depth
 from col3d.layers.normal_decoder import enlarge
 from col3d.models import create
@@ -140,24 +142,24 @@ def test_integer_tensors_may_be_there() -> None:
 
 @needs_parity
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("change", "named"),
     [
-        ({"decoder.extra.weight": torch.zeros(1)}, r"has unknown decoder\.extra\.weight$"),
+        ({"decoder.extra.weight": torch.zeros(1)}, ("unknown decoder.extra.weight",)),
         (
             {"decoder.get_depth.0.weight": torch.zeros(1)},
-            r"decoder\.get_depth\.0\.weight \(1,\) for \(1, 32, 3, 3\)$",
+            ("decoder.get_depth.0.weight", "(1,) for (1, 32, 3, 3)"),
         ),
-        ({"decoder.get_depth.0.weight": None}, r"lacks depth_decoder\.head\.weight$"),
+        ({"decoder.get_depth.0.weight": None}, ("lacks depth_decoder.head.weight",)),
     ],
 )
-def test_refuses_what_does_not_fit(change: dict[str, Tensor | None], message: str) -> None:
+def test_refuses_what_does_not_fit(change: dict[str, Tensor | None], named: tuple[str, ...]) -> None:
     state = {name: value for name, value in (published_state("bts") | change).items() if value is not None}
-    with pytest.raises(ValueError, match=rf"^state_dict: .*{message}"):
+    with refused(ValueError, "state_dict", *named):
         load_published("bts", state)
 
 
 def test_refuses_weights_of_nobody() -> None:
-    with pytest.raises(ValueError, match=r"^state_dict: must hold weights of bts; it has fc\.weight$"):
+    with refused(ValueError, "state_dict", "bts", "fc.weight"):
         load_published("bts", {"fc.weight": torch.zeros(1)})
 
 
@@ -197,9 +199,9 @@ def test_our_own_checkpoints_serve(source: str, model: str, encoder: str) -> Non
     del checkpoint["state_dict"][
         "network.head.weight" if model == "newcrfs" else "network.encoder.net.conv1.weight"
     ]
-    with pytest.raises(ValueError, match=r"^state_dict: lacks .*weight$"):
+    with refused(ValueError, "state_dict", "lacks ", "weight"):
         load_published(source, checkpoint)
-    with pytest.raises(ValueError, match=rf"^state_dict: must hold weights of .*; these are of {model}$"):
+    with refused(ValueError, "state_dict", "monodepth_fpn", f"these are of {model}"):
         load_published("monodepth_fpn", checkpoint)
 
 
@@ -209,11 +211,11 @@ def test_files_hold_tensors_and_plain_values_alone(tmp_path: Path) -> None:
             return (Path.touch, (tmp_path / "executed",))
 
     path = tmp_path / "some.pt"
-    with pytest.raises(ValueError, match=r"^checkpoint: no such file: .*some\.pt$"):
+    with refused(ValueError, "checkpoint", f"no such file: {path}"):
         read_weights(path)
     for content in (Payload(), torch.nn.Linear(1, 1), [torch.zeros(1)]):
         torch.save(content, path)
-        with pytest.raises(ValueError, match=r"^checkpoint: .*some\.pt must (hold|map)") as refusal:
+        with refused(ValueError, "checkpoint", f"{path} must ") as refusal:
             read_weights(path)
         assert "\n" not in str(refusal.value)
     assert not (tmp_path / "executed").exists()
@@ -228,27 +230,27 @@ def test_arrays_that_the_authors_keep_beside_their_weights(tmp_path: Path) -> No
 @needs_parity
 def test_tensors_without_a_shape_are_refused() -> None:
     for name in ("decoder.upconv5.conv.weight", "decoder.reduc8x8.reduc.plane_params.weight"):
-        with pytest.raises(ValueError, match=r"^state_dict: "):
+        with refused(ValueError, "state_dict"):
             load_published("bts", published_state("bts") | {name: torch.tensor(1.0)})
 
 
 def test_refuses_names_that_are_none() -> None:
-    with pytest.raises(ValueError, match=r"^state_dict: must map names to tensors"):
+    with refused(ValueError, "state_dict", "it has 0"):
         tensors_of({0: torch.zeros(1)})
-    with pytest.raises(ValueError, match=r"^state_dict: must map names to tensors, got a list$"):
+    with refused(ValueError, "state_dict", "got a list"):
         tensors_of([1])
 
 
 @pytest.mark.parametrize("state", [{}, {"epoch": 3, "optimizer": {}}, {"model": {"weight": [1.0]}}])
 def test_refuses_what_is_no_state_dict(state: dict[str, object]) -> None:
-    with pytest.raises(ValueError, match=r"^state_dict: must map names to tensors.*; it has .*$"):
+    with refused(ValueError, "state_dict", "'model' or 'state_dict'", "it has "):
         load_published("bts", state)
 
 
 @needs_parity
 def test_names_only_a_few_of_many_missing_weights() -> None:
     state = {name: value for name, value in published_state("bts").items() if ".bn1." not in name}
-    with pytest.raises(ValueError, match=r"^state_dict: lacks encoder\.net\.bn1\.weight, .* and \d+ more$"):
+    with refused(ValueError, "state_dict", "encoder.net.bn1.weight, ", " more"):
         load_published("bts", state)
 
 
@@ -263,14 +265,12 @@ def test_names_only_a_few_of_many_missing_weights() -> None:
     ],
 )
 def test_refuses_the_weights_of_another_method(source: str, other: str) -> None:
-    with pytest.raises(
-        ValueError, match=rf"^state_dict: must hold weights of {source}; these are of .*{other}"
-    ):
+    with refused(ValueError, "state_dict", f"weights of {source};", other):
         load_published(source, published_state(other))
 
 
 def test_unknown_source() -> None:
-    with pytest.raises(ValueError, match=r"source: 'btz' is unknown; did you mean 'bts'.*col3d_mtl_no_xtc"):
+    with refused(OptionError, "source", "'btz'", "'bts'", "col3d_mtl_no_xtc"):
         load_published("btz", {})
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from refusals import refused
 
 from col3d.errors import DataError
 from col3d.phantom import PhantomSettings, phantom_is_complete, render_phantom
@@ -99,7 +100,7 @@ def test_a_failed_video_leaves_nothing(
         raise OSError("no space left")
 
     monkeypatch.setattr("col3d.phantom.write.write_manifest", fail)
-    with pytest.raises(OSError, match="no space left"):
+    with refused(OSError, None, "no space left"):
         render_phantom(tmp_path, replace(small, frames_per_video=1), workers=1, progress=False)
     assert list(tmp_path.iterdir()) == []
 
@@ -107,20 +108,19 @@ def test_a_failed_video_leaves_nothing(
 @pytest.mark.parametrize(
     ("other", "named"),
     [
-        ({"size_hw": (56, 68)}, "size_hw is"),
-        ({"seed": 3}, "seed is 0, not 3"),
-        ({"frames_per_video": 4}, "frames"),
+        ({"size_hw": (56, 68)}, ("size_hw is ", "56", "68")),
+        ({"seed": 3}, ("seed is 0", "not 3")),
+        ({"frames_per_video": 4}, ("frames", "not 4")),
     ],
 )
 def test_other_settings_are_refused(
-    root: Path, small: PhantomSettings, other: dict[str, object], named: str
+    root: Path, small: PhantomSettings, other: dict[str, object], named: tuple[str, ...]
 ) -> None:
     before = contents(root)
     settings = PhantomSettings(**{**vars(small), **other})  # type: ignore[arg-type]
     assert not phantom_is_complete(root, settings)
-    with pytest.raises(DataError, match=named) as error:
+    with refused(DataError, None, root, *named):
         render_phantom(root, settings, progress=False)
-    assert str(root) in str(error.value)
     assert contents(root) == before
 
 
@@ -128,7 +128,7 @@ def test_a_folder_of_other_data_is_refused(small: PhantomSettings, tmp_path: Pat
     real = tmp_path / FIRST / "0000_color.png"
     real.parent.mkdir()
     real.write_bytes(b"real")
-    with pytest.raises(DataError, match="stays untouched"):
+    with refused(DataError, tmp_path, FIRST, "phantom.json"):
         render_phantom(tmp_path, small, progress=False)
     assert contents(tmp_path) == {f"{FIRST}/0000_color.png": b"real"}
 
@@ -142,14 +142,16 @@ def test_the_manifest_lists_every_other_file(small_root: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("other", "named"),
+    ("other", "about", "named"),
     [
-        ({"size_hw": (4, 300)}, "size_hw"),
-        ({"frames_per_video": 0}, "frames_per_video"),
-        ({"seed": -1}, "seed"),
-        ({"videos": ("cecum_t1_z",)}, "did you mean 'cecum_t1_"),
+        ({"size_hw": (4, 300)}, "size_hw", ("(4, 300)",)),
+        ({"frames_per_video": 0}, "frames_per_video", ("got 0",)),
+        ({"seed": -1}, "seed", ("got -1",)),
+        ({"videos": ("cecum_t1_z",)}, None, ("'cecum_t1_z'", "did you mean 'cecum_t1_")),
     ],
 )
-def test_wrong_settings_are_named(other: dict[str, object], named: str) -> None:
-    with pytest.raises(ValueError, match=named):
+def test_wrong_settings_are_named(
+    other: dict[str, object], about: str | None, named: tuple[str, ...]
+) -> None:
+    with refused(ValueError, about, *named):
         PhantomSettings(**other)  # type: ignore[arg-type]

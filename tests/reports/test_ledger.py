@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from refusals import refusal
 
 from col3d.io.run_files import LOCK, PLAN, STATES, add_to_plan, read_sweep
 from col3d.reports.ledger import main
@@ -84,4 +85,4 @@ def test_plans_of_several_commands_add_up(tmp_path: Path) -> None:
 def test_what_is_no_sweep_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for place, reason in ((tmp_path, "holds no job"), (tmp_path / "none", "is no folder")):
         assert main([str(place)]) == 2
-        assert reason in capsys.readouterr().err
+        assert f"{place} {reason}" in refusal(capsys.readouterr().err).message

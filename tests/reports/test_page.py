@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 from fake_runs import change_summary, write_paper, write_run
+from refusals import refusal
 
 from col3d.reports import figures
 from col3d.reports.__main__ import main
@@ -119,24 +120,23 @@ def test_a_protocol_can_be_chosen(runs: Path, tmp_path: Path, capsys: pytest.Cap
     assert "### odd" in text
     assert "* bts_0: scored under protocol standard, not published" in text
     assert main([str(runs), str(tmp_path), "--protocol", "native"]) == 2
-    expected = "error: --protocol: no run is scored under 'native'; there are published, standard\n"
-    assert capsys.readouterr().err == expected
+    complaint = refusal(capsys.readouterr().err)
+    assert complaint.about == "--protocol"
+    assert "'native'" in complaint.message
+    assert "published, standard" in complaint.message
 
 
 def test_bad_input_ends_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "file").write_text("")
     (tmp_path / "empty").mkdir()
     write_run(tmp_path / "good" / "a")
-    for arguments, words in (
-        (("nowhere", "out"), "is no folder"),
-        (("empty", "out"), "no finished run in"),
-        (("good", "file"), "is a file; a folder is needed"),
+    for arguments, named in (
+        (("nowhere", "out"), f"{tmp_path / 'nowhere'} is no folder"),
+        (("empty", "out"), f" in {tmp_path / 'empty'}"),
+        (("good", "file"), f"{tmp_path / 'file'} is a file"),
     ):
         assert main([str(tmp_path / name) for name in arguments]) == 2
-        complaint = capsys.readouterr().err
-        assert complaint.startswith("error: ")
-        assert words in complaint
-        assert complaint.count("\n") == 1
+        assert named in refusal(capsys.readouterr().err).message
     assert not (tmp_path / "out").exists()
 
 

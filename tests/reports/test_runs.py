@@ -94,41 +94,39 @@ def of_another_seed(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("spoil", "reason"),
+    ("spoil", "named"),
     [
-        (lose("summary.json"), r"not finished, summary\.json is missing"),
-        (lose("per_frame.csv"), r"not finished, per_frame\.csv is missing"),
-        (lose("config.yaml"), r"summary\.json without a config\.yaml: what was trained is not known"),
-        (cut("summary.json", 0.5), r"summary\.json is half written or broken"),
-        (cut("per_frame.csv", 0.5), r"per_frame\.csv "),
-        (rewrite("config.yaml", "model:", "model: ["), r"config\.yaml cannot be read"),
-        (rewrite("config.yaml", "loss:", "lost:"), r"config\.yaml is not that of a run: model, loss, data"),
-        (
-            rewrite("per_frame.csv", "texture", "surprise"),
-            r"per_frame\.csv cannot be read: columns texture",
-        ),
-        (lambda folder: change_summary(folder, seed=None, frames=None), r"summary\.json lacks seed, frames"),
-        (lambda folder: change_summary(folder, frames=25), r"has 24 frames, summary\.json says 25"),
+        (lose("summary.json"), ("not finished", "summary.json ")),
+        (lose("per_frame.csv"), ("not finished", "per_frame.csv ")),
+        (lose("config.yaml"), ("summary.json ", "config.yaml: ")),
+        (cut("summary.json", 0.5), ("summary.json is ", "broken")),
+        (cut("per_frame.csv", 0.5), ("per_frame.csv ",)),
+        (rewrite("config.yaml", "model:", "model: ["), ("config.yaml ", "read")),
+        (rewrite("config.yaml", "loss:", "lost:"), ("config.yaml ", "model, loss, data")),
+        (rewrite("per_frame.csv", "texture", "surprise"), ("per_frame.csv ", "columns texture")),
+        (lambda folder: change_summary(folder, seed=None, frames=None), ("summary.json ", "seed, frames")),
+        (lambda folder: change_summary(folder, frames=25), ("24 frames", "summary.json says 25")),
         (
             lambda folder: change_summary(folder, protocol="native"),
-            r"has protocol standard, summary\.json has nat",
+            ("protocol standard", "summary.json has native"),
         ),
-        (first_value("nan"), r"rmse is not finite in frame 3 of cecum_t2_a \(1 values in all\)"),
-        (first_value("inf"), r"rmse is not finite in frame 3 of cecum_t2_a"),
-        (first_value("much"), r"per_frame\.csv cannot be read: 'much'"),
-        (same_frame_twice, r"per_frame\.csv has frame 2 of cecum_t2_a twice"),
-        (of_another_seed, r"per_frame\.csv has seed 7, summary\.json has 0"),
+        (first_value("nan"), ("rmse ", "frame 3 of cecum_t2_a", "1 values")),
+        (first_value("inf"), ("rmse ", "frame 3 of cecum_t2_a")),
+        (first_value("much"), ("per_frame.csv ", "'much'")),
+        (same_frame_twice, ("per_frame.csv ", "frame 2 of cecum_t2_a twice")),
+        (of_another_seed, ("per_frame.csv ", "seed 7", "summary.json has 0")),
     ],
 )
-def test_what_is_left_out_says_why(tmp_path: Path, spoil: Callable[[Path], None], reason: str) -> None:
+def test_what_is_left_out_says_why(
+    tmp_path: Path, spoil: Callable[[Path], None], named: tuple[str, ...]
+) -> None:
     write_run(tmp_path / "whole")
     spoil(write_run(tmp_path / "spoilt"))
     found = read_runs(tmp_path)
     assert [run.name for run in found.runs] == ["whole"]
     (line,) = found.left_out
     assert line.startswith("spoilt: ")
-    with pytest.raises(AssertionError, match=reason):
-        raise AssertionError(line)
+    assert all(part in line for part in named), line
 
 
 def test_other_weights_and_unfinished_runs_are_named(tmp_path: Path) -> None:

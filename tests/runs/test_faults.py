@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 from cut_runs import SCORING, assert_the_same, at, status_of, stopped_in
+from refusals import refused
 from tiny_run import TINY, composed
 
 from col3d.errors import DataError, UserError
@@ -75,9 +76,7 @@ def noise(path: Path) -> None:
     path.write_bytes(b"\xff\x00" * (path.stat().st_size // 2))
 
 
-@pytest.mark.parametrize(
-    ("spoil", "said"), [(Path.unlink, "no such file"), (noise, "cannot be decoded (it is no image; PNG")]
-)
+@pytest.mark.parametrize(("spoil", "said"), [(Path.unlink, "no such file"), (noise, "it is no image")])
 def test_a_frame_that_is_lost_in_an_epoch(
     spoil: Damage, said: str, whole: Path, phantom_root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -85,11 +84,10 @@ def test_a_frame_that_is_lost_in_an_epoch(
     content = (root / FRAME).read_bytes()
     with monkeypatch.context() as patched:
         at(patched, "on_train_batch_start", 0, 2, lambda: spoil(root / FRAME))  # read next in epoch 2
-        with pytest.raises(DataError) as error:
+        with refused(DataError, root / FRAME, said) as error:
             train(options(tmp_path / "run", root))
     line = str(error.value)
-    assert line.startswith(f"{root / FRAME}: {said}")
-    assert line.endswith("; copy it again")
+
     status = status_of(tmp_path / "run")
     assert (status["state"], status["error"], status["epoch"]) == ("failed", line, 1)
     (root / FRAME).write_bytes(content)
@@ -122,7 +120,7 @@ def test_workers_that_are_killed(
     given = options(tmp_path / "run", phantom_root, "data.workers=1", *more)
     with monkeypatch.context() as patched:
         at(patched, hook, epoch, 0, kill_workers)
-        with pytest.raises(UserError, match=r"^data\.workers: .*; the same command goes on$") as error:
+        with refused(UserError, "data.workers", "same command") as error:
             train(given)
     assert len(str(error.value).splitlines()) == 1
     status = status_of(tmp_path / "run")
@@ -194,7 +192,7 @@ def test_a_setting_that_wandb_does_not_know_is_refused(
     phantom_root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("WANDB_MODE", "sometimes")
-    with pytest.raises(UserError, match=r"^WANDB_MODE of the environment: .*online.*got 'sometimes'$"):
+    with refused(UserError, "WANDB_MODE of the environment", "online", "'sometimes'"):
         train(options(tmp_path / "run", phantom_root, "logger=wandb"))
 
 

@@ -10,6 +10,7 @@ import lightning.pytorch.loggers as lightnings
 import pytest
 from cut_runs import assert_the_same, options, stopped_in
 from programs import call
+from refusals import refusal, refused
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from tiny_run import TINY, composed
 
@@ -73,11 +74,8 @@ def test_a_run_that_goes_on_writes_the_same_log(
     "name", [name for name in available("logger") if name not in ("wandb", "tensorboard")]
 )
 def test_one_whose_package_is_missing_says_which(name: str, tiny: Compose, tmp_path: Path) -> None:
-    entry = LOGGERS[name].facts["install"]
-    expected = rf"^logger: {name} needs a package that is not installed: pip install '{entry}'$".replace(
-        "[", r"\["
-    )
-    with pytest.raises(UserError, match=expected):
+
+    with refused(UserError, "logger", name, f"pip install '{LOGGERS[name].facts['install']}'"):
         train(options(tiny, tmp_path / "run", f"logger={name}"))
     assert not (tmp_path / "run").exists()
 
@@ -101,43 +99,40 @@ def test_options_are_those_of_lightning(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("given", "about", "named"),
     [
-        ({"tensorbord": {}}, "logger: 'tensorbord' is unknown; did you mean 'tensorboard'"),
+        ({"tensorbord": {}}, "logger", ("'tensorbord'", "'tensorboard'")),
         (
             {"tensorboard": {"prefx": "a"}},
-            "logger.tensorboard.prefx: no such option; did you mean 'logger.tensorboard.prefix'?",
+            "logger.tensorboard.prefx",
+            ("no such option", "'logger.tensorboard.prefix'"),
         ),
-        ({"wandb": {"offline": "perhaps"}}, "logger.wandb.offline: expected a valid boolean"),
-        ({"wandb": {"project": "a/b"}}, "logger.wandb.project: expected a name without"),
-        ({"wandb": 3}, "logger.wandb: expected options such as"),
-        ("wandb", "logger: expected logger=NAME or logger=[NAME,NAME], got 'wandb'"),
-        ({"os.system": {}}, "logger: 'os.system' is unknown"),
+        ({"wandb": {"offline": "perhaps"}}, "logger.wandb.offline", ("boolean", "'perhaps'")),
+        ({"wandb": {"project": "a/b"}}, "logger.wandb.project", ("without", "'a/b'")),
+        ({"wandb": 3}, "logger.wandb", ("options", 3)),
+        ("wandb", "logger", ("logger=NAME or logger=[NAME,NAME]", "'wandb'")),
+        ({"os.system": {}}, "logger", ("'os.system'",)),
     ],
 )
-def test_each_mistake_is_one_line(given: Any, message: str) -> None:
-    with pytest.raises(OptionError) as error:
+def test_each_mistake_is_one_line(given: Any, about: str, named: tuple[object, ...]) -> None:
+    with refused(OptionError, about, *named) as error:
         logger_entries(given)
-    assert str(error.value).startswith(message)
     assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("given", "about", "named"),
     [
-        (["logger=tensorbord"], "error: logger: 'tensorbord' is unknown; did you mean 'tensorboard'"),
-        (
-            ["logger=[wandb,mlflow]"],
-            "error: logger: mlflow needs a package that is not installed",
-        ),
-        (["logger=wandb", "logger.project=a/b"], "error: logger.wandb.project: expected a name without"),
+        (["logger=tensorbord"], "logger", "'tensorboard'"),
+        (["logger=[wandb,mlflow]"], "logger", "mlflow needs "),
+        (["logger=wandb", "logger.project=a/b"], "logger.wandb.project", "a/b"),
     ],
 )
-def test_on_the_command_line(given: list[str], message: str, tmp_path: Path) -> None:
+def test_on_the_command_line(given: list[str], about: str, named: str, tmp_path: Path) -> None:
     answer = call("train.py", *TINY, *given, f"hydra.run.dir={tmp_path / 'run'}", cwd=tmp_path)
     assert answer.returncode == 2
-    assert answer.stderr.startswith(message)
-    assert len(answer.stderr.splitlines()) == 1
+    assert refusal(answer.stderr).about == about
+    assert named in answer.stderr
     assert not (tmp_path / "run").exists()
 
 
@@ -184,7 +179,7 @@ def test_one_of_somebody_s(tiny: Compose, tmp_path: Path) -> None:
             seen.append(("end", status))
 
     register_logger("mine", Mine, needs=("nowhere",), install="nowhere-at-all")
-    with pytest.raises(UserError, match="pip install 'nowhere-at-all'"):
+    with refused(UserError, "logger", "pip install 'nowhere-at-all'"):
         check_installed({"mine": LOGGERS["mine"].options()()})
     LOGGERS.parts.pop("mine")
     register_logger("mine", Mine)

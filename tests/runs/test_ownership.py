@@ -10,6 +10,7 @@ import onnx
 import pytest
 import torch
 from fake_runs import write_run
+from refusals import refusal, refused
 from tiny_run import composed, earlier_export
 
 from col3d.data.cache.prepare import prepare
@@ -56,7 +57,7 @@ def test_a_training_replaces_no_file_of_others(
 ) -> None:
     put(folder / name)
     put(folder / "notes.txt")
-    with pytest.raises(UserError, match=str(folder)):
+    with refused(UserError, None, folder):
         train(tiny(f"overwrite={overwrite}", "callbacks.predictions=true"))
 
 
@@ -64,7 +65,7 @@ def test_a_lightning_run_of_others_is_left_alone(folder: Path, tiny: Compose) ->
     put(folder / "config.yaml", "precious: true")
     put(folder / "checkpoints" / "epoch=12.ckpt")
     for overrides in ([], ["overwrite=true"]):
-        with pytest.raises(UserError, match=rf"{folder} holds config\.yaml"):
+        with refused(UserError, None, f"{folder} holds config.yaml"):
             train(tiny(*overrides))
 
 
@@ -82,7 +83,7 @@ def test_what_was_put_into_a_run_survives_its_replacement(tiny: Compose, tmp_pat
         )
     ]
     before = kept(run)
-    with pytest.raises(UserError, match="another seed"):
+    with refused(UserError, None, run, "another seed"):
         train(tiny("seed=1"))
     assert kept(run) == before
     train(tiny("seed=1", "overwrite=true"))
@@ -95,7 +96,7 @@ def test_an_evaluation_replaces_nothing_but_evaluations(tiny_checkpoint: Path, t
     run = Path(shutil.copytree(tiny_checkpoint.parents[1], tmp_path / "trained"))
     given = [f"checkpoint={run / 'checkpoints' / 'best.ckpt'}", "accelerator=cpu", "panels=1"]
     before = kept(run)
-    with pytest.raises(UserError, match=rf"^output_dir: {run} holds summary\.json"):
+    with refused(UserError, "output_dir", f"{run} holds summary.json"):
         evaluate(composed("evaluate", *given, f"output_dir={run}"))
     assert kept(run) == before
     place = tmp_path / "scored"
@@ -107,7 +108,7 @@ def test_an_evaluation_replaces_nothing_but_evaluations(tiny_checkpoint: Path, t
         assert len(list((place / "panels").glob("*.png"))) == 2
     for name in ("summary.json", "per_frame.csv", "run.html"):
         other = put(tmp_path / name / name)
-        with pytest.raises(UserError, match=rf"^output_dir: {other.parent} holds {name}"):
+        with refused(UserError, "output_dir", f"{other.parent} holds {name}"):
             evaluate(composed("evaluate", *given, f"output_dir={other.parent}"))
         assert other.read_text() == "precious"
 
@@ -116,7 +117,7 @@ def test_predictions_of_others_beside_a_checkpoint_stay(tiny_checkpoint: Path, t
     checkpoint = Path(shutil.copy(tiny_checkpoint, tmp_path / "best.ckpt"))
     mine = put(tmp_path / "predictions_test" / "index.json", '{"mine": "precious"}')
     place = ("accelerator=cpu", "panels=0", "predictions=true")
-    with pytest.raises(UserError, match=f"{mine.parent} holds index.json"):
+    with refused(UserError, None, f"{mine.parent} holds index.json"):
         evaluate(composed("evaluate", f"checkpoint={checkpoint}", *place))
     assert "precious" in mine.read_text()
 
@@ -138,7 +139,9 @@ def test_a_report_replaces_nothing_but_reports(tmp_path: Path, capsys: pytest.Ca
         place = tmp_path / name.replace("/", "_")
         other = put(place / name)
         assert report([arguments[0], str(place)]) == 2, name
-        assert f"error: OUT: {place} holds {name}" in capsys.readouterr().err
+        complaint = refusal(capsys.readouterr().err)
+        assert complaint.about == "OUT"
+        assert f"{place} holds {name}" in complaint.message
         assert kept(place) == {other: b"precious"}
 
 
@@ -162,7 +165,7 @@ def test_a_prediction_replaces_no_file_of_others_and_no_input(
         out / "**" / "*.png",
         out,
     ):
-        with pytest.raises(UserError, match=f"output: {out} holds the input"):
+        with refused(UserError, "output", f"{out} holds the input"):
             predicted(given, "overwrite=true")
         assert kept(out) == before
     predicted(phantom_root / "trans_t1_a", "overwrite=true", "files=false")
@@ -182,7 +185,7 @@ def test_a_verification_replaces_no_file_of_others(rendered: Path, tmp_path: Pat
 
     for name in ("verify.json", "verify.html"):
         mine = put(tmp_path / name / name)
-        with pytest.raises(UserError, match=rf"^output: {mine.parent} holds {name}"):
+        with refused(UserError, "output", f"{mine.parent} holds {name}"):
             verified(mine.parent)
         assert mine.read_text() == "precious"
     beside = put(tmp_path / "out" / "mine.html")
@@ -207,7 +210,7 @@ def test_what_was_put_into_a_video_is_never_lost(tmp_path: Path) -> None:
         prepare(given)  # nothing is made anew
         spoiled.unlink()
         before = kept(tmp_path)
-        with pytest.raises(DataError, match=rf"^{video} holds mine\.csv"):
+        with refused(DataError, None, f"{video} holds mine.csv"):
             prepare(given)
         assert kept(tmp_path) == before
         mine.unlink()
@@ -218,7 +221,7 @@ def test_what_was_put_into_a_video_is_never_lost(tmp_path: Path) -> None:
 def test_an_export_replaces_no_input(tiny_checkpoint: Path, tmp_path: Path) -> None:
     for ending in ("ckpt", "pt2", "onnx"):
         checkpoint = Path(shutil.copy(tiny_checkpoint, tmp_path / f"weights.{ending}"))
-        with pytest.raises(UserError, match=f"^output: {checkpoint} is the checkpoint itself"):
+        with refused(UserError, "output", f"{checkpoint} is the checkpoint"):
             export(composed("export", f"checkpoint={checkpoint}", f"output={checkpoint}", "overwrite=true"))
 
 
@@ -231,7 +234,7 @@ def test_an_export_replaces_exports_alone(ending: str, tiny_checkpoint: Path, tm
 
     for content in (b"precious", b"", b"PK precious", theirs(ending, tmp_path), tiny_checkpoint.read_bytes()):
         output.write_bytes(content)
-        with pytest.raises(UserError, match=f"^output: {output} is no export of this program and stays"):
+        with refused(UserError, "output", f"{output} is no export"):
             exported("overwrite=true")
         assert output.read_bytes() == content
     earlier_export(output)

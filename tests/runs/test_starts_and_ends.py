@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 import pytest
 from cut_runs import QUICK, PowerCutError, assert_the_same, cut_in, result, status_of, stopped_in
+from refusals import refused
 from tiny_run import SMALL, TINY, composed
 
 import col3d.training.decorate as decorating
@@ -215,9 +216,7 @@ def test_nothing_is_trained_on_nothing(video: str, part: str, own_frames: Path, 
     split = {"train": "cecum_t1_a", "val": "trans_t1_a:1-2", "test": "desc_t4_a"}
     overrides = [f"data.split.{name}=[{entry}]" for name, entry in split.items()]
     place = (f"data.root={own_frames}", f"output_dir={tmp_path / 'run'}")
-    with pytest.raises(
-        UserError, match=rf"^data\.split\.{part}: none of its \d frames in {own_frames}"
-    ) as error:
+    with refused(UserError, f"data.split.{part}", f" in {own_frames}") as error:
         train(composed("train", *TINY, *QUICK, *place, *overrides))
     assert "\n" not in str(error.value)
     assert not (tmp_path / "run").exists()
@@ -229,14 +228,14 @@ def test_nothing_is_scored_on_nothing(own_frames: Path, tiny: Compose, tmp_path:
     without_depth(own_frames / "trans_t1_a", 2)
     given = [f"checkpoint={tmp_path}/run/checkpoints/best.ckpt", "accelerator=cpu", "panels=0"]
     for protocol in ("standard", "published", "native"):
-        with pytest.raises(UserError, match=r"^data\.split\.test: none of its 4 frames"):
+        with refused(UserError, "data.split.test", "4 frames"):
             evaluate(composed("evaluate", *given, f"protocol={protocol}"))
 
 
 @pytest.mark.parametrize("span", ["[100,0]", "[50,50]", "[99,1]"])
 def test_a_range_without_depths_is_refused(span: str, tiny: Compose, tmp_path: Path) -> None:
-    with pytest.raises(UserError, match=r"^protocol\.truth_range: expected \[low,high\] with low below high"):
+    with refused(UserError, "protocol.truth_range", "[low,high]"):
         train(tiny(f"protocol.standard.truth_range={span}"))
-    with pytest.raises(UserError, match=r"^data\.split\.test: .*within protocol\.truth_range="):
+    with refused(UserError, "data.split.test", "protocol.truth_range="):
         train(tiny(*QUICK, "protocol.standard.truth_range=[99.5,99.9]"))
     assert not (tmp_path / "run").exists()

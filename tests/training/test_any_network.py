@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 from programs import call
+from refusals import refusal
 from tiny_run import TINY
 
 pytestmark = pytest.mark.end_to_end
@@ -102,24 +103,25 @@ def test_any_network_trains_and_is_evaluated(
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("given", "about", "named"),
     [
-        (["model=fixed"], "model: Fixed has no parameters: there is nothing to train"),
-        (["model=plain", "model.widht=3"], "model.widht: no such option"),
+        (["model=fixed"], "model", "Fixed has no parameters"),
+        (["model=plain", "model.widht=3"], "model.widht", "no such option"),
+        (["model=plain", "optimizer.layer_decay=0.9"], "optimizer.layer_decay", "Plain has no module"),
         (
-            ["model=plain", "optimizer.layer_decay=0.9"],
-            "optimizer.layer_decay: Plain has no module",
+            ["model=plain", "optimizer.encoder_lr=1e-5"],
+            "optimizer.encoder_lr",
+            "Plain has no module `encoder`",
         ),
-        (["model=plain", "optimizer.encoder_lr=1e-5"], "optimizer.encoder_lr: Plain has no module `encoder`"),
-        (["model=plain", "model.freeze=[encoder]"], "model.freeze: Plain has no module `encoder`"),
+        (["model=plain", "model.freeze=[encoder]"], "model.freeze", "Plain has no module `encoder`"),
     ],
 )
 def test_what_a_network_cannot_do_is_one_line(
-    given: list[str], message: str, folder: Path, phantom_root: Path
+    given: list[str], about: str, named: str, folder: Path, phantom_root: Path
 ) -> None:
     place = (f"data.root={phantom_root}", f"hydra.run.dir={folder / 'run'}")
     answer = call("train.py", *TINY, "plugins=[anynets]", *given, *place, cwd=folder)
     assert answer.returncode == 2, answer.stderr
-    assert answer.stderr.startswith(f"error: {message}")
-    assert len(answer.stderr.splitlines()) == 1
+    assert refusal(answer.stderr).about == about
+    assert named in answer.stderr
     assert not (folder / "run").exists()

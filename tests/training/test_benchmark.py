@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 from programs import PROJECT, call
+from refusals import refusal, refused
 from tiny_run import SMALL, TINY, composed
 
 from col3d.cli.sweeps import sweep_of
@@ -60,9 +61,7 @@ def test_what_experiments_share_is_run_once() -> None:
 
 
 def test_an_experiment_that_sweeps_over_nothing_is_refused() -> None:
-    with pytest.raises(
-        UserError, match=r"benchmark\.experiments: expected some of ablation, benchmark, lambda_study, got"
-    ):
+    with refused(UserError, "benchmark.experiments", "ablation, benchmark, lambda_study", "overfit"):
         sweep_of("overfit", [0])
 
 
@@ -81,7 +80,7 @@ def test_jobs_are_run_once_and_reported_and_one_that_fails_is_named(
         job("bts_again", "model=bts", SMALL),
         job("bad", "model=bts", SMALL, "optimizer.lr=1e30"),
     ]
-    with pytest.raises(UserError, match=r"failed: .*/runs/bad: error: .*optimizer\.lr"):
+    with refused(UserError, None, "/runs/bad: ", "optimizer.lr"):
         run_benchmark(jobs, output, parallel=2)
     said = capfd.readouterr().out
     assert "2 runs, 0 of them finished before" in said
@@ -138,13 +137,12 @@ def test_finished_runs_are_overwritten_once(
 
 
 def test_bad_input_is_one_line(tmp_path: Path) -> None:
-    for arguments, message in (
-        (["benchmark.experiments=[overfit]"], "experiments: expected some of"),
-        (["benchmark.seeds=[]"], "benchmark.seeds: expected"),
-        (["model.widht=3"], "model.widht"),
-        (["optimizer.lr=-1"], "optimizer.lr: expected greater than 0"),
+    for argument in (
+        "benchmark.experiments=[overfit]",
+        "benchmark.seeds=[]",
+        "model.widht=3",
+        "optimizer.lr=-1",
     ):
-        answer = call("benchmark", *arguments, cwd=tmp_path)
+        answer = call("benchmark", argument, cwd=tmp_path)
         assert answer.returncode == 2
-        assert message in answer.stderr
-        assert "Traceback" not in answer.stderr
+        assert refusal(answer.stderr).about == argument.partition("=")[0]

@@ -11,6 +11,7 @@ import pytest
 import torch
 from cut_runs import SCORING, gone_on, options, stopped_in
 from programs import call
+from refusals import refusal, refused
 from tiny_run import TINY, composed
 
 from col3d.errors import OptionError, UserError
@@ -106,7 +107,7 @@ def test_callbacks_make_another_run_and_their_absence_none(tiny: Compose, tmp_pa
     run = tmp_path / "run"
     train(options(tiny, run, "trainer.max_epochs=1"))
     train(options(tiny, run, "trainer.max_epochs=1", "callbacks.panels=1", SELDOM))
-    with pytest.raises(UserError, match=r"holds a run with another callbacks\.more; give overwrite=true"):
+    with refused(UserError, None, f"{run} holds ", "another callbacks.more;", "overwrite=true"):
         train(options(tiny, run, "trainer.max_epochs=1", *EMA))
 
 
@@ -124,34 +125,40 @@ def test_what_lightning_has_is_offered_or_refused_with_a_reason() -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("given", "about", "named"),
     [
-        ({"a": "EarlyStoping"}, "callbacks.more: 'EarlyStoping' is unknown; did you mean 'EarlyStopping'"),
-        ({"a": "ModelCheckpoint"}, "callbacks.more: ModelCheckpoint is not offered: best.ckpt and last.ckpt"),
-        ({"a": "StochasticWeightAveraging"}, "callbacks.more: StochasticWeightAveraging is not offered: its"),
-        ({"a": "EarlyStopping"}, "callbacks.more.a.monitor: a value is needed"),
+        ({"a": "EarlyStoping"}, "callbacks.more", ("'EarlyStoping'", "'EarlyStopping'")),
+        ({"a": "ModelCheckpoint"}, "callbacks.more", ("ModelCheckpoint ", "best.ckpt and last.ckpt")),
+        (
+            {"a": "StochasticWeightAveraging"},
+            "callbacks.more",
+            ("StochasticWeightAveraging ", " WeightAveraging"),
+        ),
+        ({"a": "EarlyStopping"}, "callbacks.more.a.monitor", ("needed",)),
         (
             {"a": {"callback": "EarlyStopping", "monitor": "x", "patence": 3}},
-            "callbacks.more.a.patence: no such option; did you mean 'callbacks.more.a.patience'?",
+            "callbacks.more.a.patence",
+            ("'callbacks.more.a.patience'",),
         ),
         (
             {"a": {"callback": "EMAWeightAveraging", "decay": "much"}},
-            "callbacks.more.a.decay: expected a valid number",
+            "callbacks.more.a.decay",
+            ("number", "'much'"),
         ),
         (
             {"a": {"callback": "EarlyStopping", "monitor": "x", "mode": "up"}},
-            "callbacks.more.a: EarlyStopping: `mode` can be min, max, got up",
+            "callbacks.more.a",
+            ("EarlyStopping: ", "min, max", "got up"),
         ),
-        ({"a": 3}, "callbacks.more.a: a callback is a name or {callback: NAME, ...}, got 3"),
-        ({"a": {"decay": 1}}, "callbacks.more.a: a callback is a name or"),
-        ({"a": "os.system"}, "callbacks.more: 'os.system' is unknown"),
-        ([], "callbacks.more: entries have names"),
+        ({"a": 3}, "callbacks.more.a", ("{callback: NAME, ...}", "got 3")),
+        ({"a": {"decay": 1}}, "callbacks.more.a", ("{callback: NAME, ...}", "{'decay': 1}")),
+        ({"a": "os.system"}, "callbacks.more", ("'os.system'",)),
+        ([], "callbacks.more", ("names",)),
     ],
 )
-def test_each_mistake_is_one_line(given: Any, message: str) -> None:
-    with pytest.raises(OptionError) as error:
+def test_each_mistake_is_one_line(given: Any, about: str, named: tuple[str, ...]) -> None:
+    with refused(OptionError, about, *named) as error:
         callback_entries(given)
-    assert str(error.value).startswith(message)
     assert "\n" not in str(error.value)
 
 
@@ -159,9 +166,10 @@ def test_on_the_command_line_an_entry_is_a_name_and_its_options(tmp_path: Path) 
     given = ("callbacks.more.stop=EarlyStopping", "callbacks.more.stop.monitor=val/abs_rell")
     answer = call("train.py", *TINY, *given, f"hydra.run.dir={tmp_path / 'run'}", cwd=tmp_path)
     assert answer.returncode == 2
-    assert answer.stderr.startswith(
-        "error: callbacks.more.stop.monitor: 'val/abs_rell' is unknown; did you mean 'val/abs_rel'?"
-    )
+    refused = refusal(answer.stderr)
+    assert refused.about == "callbacks.more.stop.monitor"
+    assert "'val/abs_rell'" in refused.message
+    assert "'val/abs_rel'" in refused.message
     assert not (tmp_path / "run").exists()
 
 

@@ -1,10 +1,16 @@
-from pathlib import Path
+from dis import get_instructions
+from importlib.util import find_spec
+from inspect import CO_OPTIMIZED
+from pkgutil import walk_packages
+from types import CodeType
 from typing import Any, get_args
 
 import pytest
 from omegaconf.errors import InterpolationResolutionError
+from refusals import refused
 from tiny_run import composed
 
+import col3d
 from col3d.cli.files import CONF
 from col3d.data.cache.options import PrepareOptions
 from col3d.data.datasets.registered import LayoutOptions
@@ -129,78 +135,101 @@ def test_the_split_file_is_the_paper_s() -> None:
 
 
 @pytest.mark.parametrize(
-    ("overrides", "expected"),
+    ("overrides", "about", "named"),
     [
         (
             ["loss.lambdas=[0.5,0.3]"],
-            ["loss.lambdas", "3 number(s)", "depth, normals, consistency", "[0.5, 0.3]"],
+            "loss.lambdas",
+            ["3 number(s)", "depth, normals, consistency", "[0.5, 0.3]"],
         ),
-        (["model=bts", "loss.lambdas=[1,1,1]"], ["loss.lambdas", "expected 1", "model=bts"]),
-        (["model=bts", "loss=mtl_xtc"], ["normals and consistency", "model=bts predicts no"]),
-        (["model.normals=none"], ["model.normals", "col3d_mtl always predicts normals", "bts_cbam"]),
-        (["loss=silog"], ["model=col3d_mtl predicts normals", "model=bts_cbam"]),
-        (["model=bts", "model.normals=unc"], ["model=bts predicts normals", "model.normals=none"]),
-        (["model=pix2pix", "task.discriminator_width=9"], ["task.discriminator_width", "multiple of 8"]),
-        (["model=bts", "model.normal_frame=ray"], ["model.normal_frame", "model.normals is none"]),
-        (["model.freeze=[bn]"], ["model.freeze.0", "'bn'", "batch_norm"]),
-        (["optimizer.name=sgdd"], ["optimizer.name", "did you mean 'sgd'", "'sgdd'"]),
-        (["optimizer.lr=x"], ["optimizer.lr: expected", "number"]),
-        (["+scheduler.powr=1"], ["scheduler.powr: no such option", "scheduler.power"]),
-        (["++loss.terms.depth.from_epoch=-1"], ["loss.terms.depth.from_epoch", "0", "-1"]),
-        (["++loss.terms.depth.term=berhuu"], ["loss.terms: 'berhuu' is unknown", "silog"]),
-        (["++loss.terms.depth.tem=silog"], ["loss.terms.depth.tem: no such option"]),
-        (["protocol=native"], ["protocol", "network's resolution", "got native"]),
-        (["protocol=[standard,published]"], ["protocol", "one protocol", "standard, published"]),
-        (["task=adversarial", "trainer.accumulate=2"], ["trainer.accumulate", "got 2"]),
+        (["model=bts", "loss.lambdas=[1,1,1]"], "loss.lambdas", ["expected 1", "model=bts"]),
+        (
+            ["model=bts", "loss=mtl_xtc"],
+            "loss",
+            ["normals and consistency", "model.normals=unc"],
+        ),
+        (["model.normals=none"], "model.normals", ["col3d_mtl", "bts_cbam"]),
+        (["loss=silog"], "loss", ["model=col3d_mtl", "model=bts_cbam"]),
+        (["model=bts", "model.normals=unc"], "loss", ["model=bts", "model.normals=none"]),
+        (["model=pix2pix", "task.discriminator_width=9"], "task.discriminator_width", ["of 8", "got 9"]),
+        (["model=bts", "model.normal_frame=ray"], "model.normal_frame", ["ray ", "model.normals is none"]),
+        (["model.freeze=[bn]"], "model.freeze.0", ["'bn'", "batch_norm"]),
+        (["optimizer.name=sgdd"], "optimizer.name", ["'sgd'", "'sgdd'"]),
+        (["optimizer.lr=x"], "optimizer.lr", ["number", "'x'"]),
+        (["+scheduler.powr=1"], "scheduler.powr", ["'scheduler.power'"]),
+        (["++loss.terms.depth.from_epoch=-1"], "loss.terms.depth.from_epoch", ["equal to 0", "-1"]),
+        (["++loss.terms.depth.term=berhuu"], "loss.terms", ["'berhuu'", "silog"]),
+        (["++loss.terms.depth.tem=silog"], "loss.terms.depth.tem", ["no such option"]),
+        (["protocol=native"], "protocol", ["network's resolution", "got native"]),
+        (["protocol=[standard,published]"], "protocol", ["one protocol", "standard, published"]),
+        (["task=adversarial", "trainer.accumulate=2"], "trainer.accumulate", ["task=adversarial", "got 2"]),
         (
             ["task=adversarial", "trainer.precision=16-mixed", "trainer.gradient_clip=1.0"],
-            ["trainer.gradient_clip", "bf16-mixed"],
+            "trainer.gradient_clip",
+            ["task=adversarial", "bf16-mixed"],
         ),
-        (["loss.lambdas=[0,0,0]"], ["loss.lambdas", "above 0"]),
-        (["loss.lambdas=[0.5,-0.3,0.2]"], ["loss.lambdas.1", "greater than or equal to 0", "-0.3"]),
-        (["loss.lambdas=[a,0.3,0.2]"], ["loss.lambdas.0", "number", "'a'"]),
-        (["loss.lambdas=[.nan,0.3,0.2]"], ["loss.lambdas.0"]),
-        (["+loss.lamdbas=[1,1,1]"], ["loss.lamdbas: no such option", "loss.lambdas"]),
-        (["+trainer.max_epoch=3"], ["trainer.max_epoch: no such option", "trainer.max_epochs"]),
-        (["+sed=3"], ["sed: no such option", "seed"]),
-        (["model.width=eight"], ["model.width", "integer", "'eight'"]),
-        (["model.width=8.5"], ["model.width", "8.5"]),
-        (["model.width=100"], ["model.width", "multiple of 64", "100"]),
-        (["data.size=[320]"], ["data.size", "2 items"]),
-        (["data.size=[320,8]"], ["data.size.1", "64"]),
-        (["data.normals=none"], ["data.normals", "needs normals"]),
-        (["trainer.precision=half"], ["trainer.precision", "'half'", "bf16-mixed"]),
-        (["seed=-1"], ["seed", "-1"]),
+        (["loss.lambdas=[0,0,0]"], "loss.lambdas", ["above 0", "[0.0, 0.0, 0.0]"]),
+        (["loss.lambdas=[0.5,-0.3,0.2]"], "loss.lambdas.1", ["equal to 0", "-0.3"]),
+        (["loss.lambdas=[a,0.3,0.2]"], "loss.lambdas.0", ["number", "'a'"]),
+        (["loss.lambdas=[.nan,0.3,0.2]"], "loss.lambdas.0", ["nan"]),
+        (["+loss.lamdbas=[1,1,1]"], "loss.lamdbas", ["'loss.lambdas'"]),
+        (["+trainer.max_epoch=3"], "trainer.max_epoch", ["'trainer.max_epochs'"]),
+        (["+sed=3"], "sed", ["'seed'"]),
+        (["model.width=eight"], "model.width", ["integer", "'eight'"]),
+        (["model.width=8.5"], "model.width", ["integer", "8.5"]),
+        (["model.width=100"], "model.width", ["multiple of 64", "100"]),
+        (["data.size=[320]"], "data.size", ["2 items", "[320]"]),
+        (["data.size=[320,8]"], "data.size.1", ["64", "got 8"]),
+        (["data.normals=none"], "data.normals", ["the loss", "stored or derived"]),
+        (["trainer.precision=half"], "trainer.precision", ["'half'", "bf16-mixed"]),
+        (["seed=-1"], "seed", ["-1"]),
         (
             ["loss.terms.consistency.geometry=fisheye"],
-            ["loss.terms.consistency.geometry", "rays", "'fisheye'"],
+            "loss.terms.consistency.geometry",
+            ["rays", "'fisheye'"],
         ),
         (
             ["data/split=custom", "data.split.train=[a]", "data.split.val=[]", "data.split.test=[b]"],
-            ["data.split.val"],
+            "data.split.val",
+            ["needed"],
         ),
     ],
 )
-def test_each_mistake_is_one_line(overrides: list[str], expected: list[str]) -> None:
-    with pytest.raises(UserError) as refusal:
+def test_each_mistake_is_one_line(overrides: list[str], about: str, named: list[str]) -> None:
+    with refused(UserError, about, *named) as error:
         checked(*overrides)
-    message = str(refusal.value)
-    assert "\n" not in message
-    for part in expected:
-        assert part in message
+    assert "\n" not in str(error.value)
 
 
 def test_every_mistake_gets_its_own_line() -> None:
-    with pytest.raises(UserError) as refusal:
+    with refused(UserError, "seed", "\nmodel.width: ") as error:
         checked("seed=-1", "model.width=eight")
-    assert len(str(refusal.value).splitlines()) == 2
+    assert len(str(error.value).splitlines()) == 2
+
+
+READS = ("LOAD_ATTR", "LOAD_METHOD", "LOAD_CONST")
+
+
+def code_of(module: str) -> CodeType:
+    spec: Any = find_spec(module)
+    code: CodeType = spec.loader.get_code(module)
+    return code
+
+
+def read_in(code: CodeType) -> set[str]:
+    """Attributes and text that functions read; what a class declares is none of it."""
+    reads = get_instructions(code) if code.co_flags & CO_OPTIMIZED else ()
+    inner = (read_in(part) for part in code.co_consts if isinstance(part, CodeType))
+    return {str(read.argval) for read in reads if read.opname in READS}.union(*inner)
 
 
 def test_no_option_is_without_effect() -> None:
     """Every declared option is read somewhere in the package beside its declaration."""
-    package = Path(__file__).parents[2] / "src" / "col3d"
-    code = "".join(path.read_text() for path in package.rglob("*.py") if path.name != "options.py")
-    code += (package / "training" / "options.py").read_text().split("class TrainOptions")[1]
+    modules = [module.name for module in walk_packages(col3d.__path__, "col3d.")]
+    others = [name for name in modules if not name.endswith((".options", "__main__"))]
+    read = set[str]().union(*(read_in(code_of(name)) for name in others))
+    parts = [part for part in code_of(TrainOptions.__module__).co_consts if isinstance(part, CodeType)]
+    read |= read_in(next(part for part in parts if part.co_name == TrainOptions.__name__))
 
     def names(options: Any) -> list[str]:
         kinds = [k for f in options.model_fields.values() for k in (f.annotation, *get_args(f.annotation))]
@@ -215,13 +244,12 @@ def test_no_option_is_without_effect() -> None:
         *names(OptimizerOptions),
         *names(SchedulerOptions),
     }  # handed on as they are
-    for name in set(names(TrainOptions)) - spread_whole - {"preset"}:
-        assert f".{name}" in code or f'"{name}"' in code, name
+    assert set(names(TrainOptions)) - spread_whole - {"preset"} - read == set()
 
 
 def test_an_objective_is_one_that_the_model_measures() -> None:
     assert checked("objective=[val/abs_rel,val/angle_mean]").objective == ["val/abs_rel", "val/angle_mean"]
-    with pytest.raises(UserError, match=r"val/angle_mean is not measured with model=bts; there are"):
+    with refused(UserError, "objective", "val/angle_mean ", "model=bts", "val/abs_rel"):
         checked("model=bts", "objective=[val/angle_mean]")
 
 
@@ -239,14 +267,14 @@ def test_a_phantom_is_called_after_what_it_draws(randomise: str, ending: str) ->
 
 
 @pytest.mark.parametrize(
-    ("overrides", "message"),
+    ("overrides", "named"),
     [
-        (("data.randomise=[colour]",), "expected 'anatomy', 'tissue', 'light' or 'sensor', got 'colour'"),
-        (("data=c3vd", "data.root=x", "+data.randomise=true"), r"data\.randomise: no such option"),
+        (("data.randomise=[colour]",), ("'anatomy', 'tissue', 'light' or 'sensor'", "'colour'")),
+        (("data=c3vd", "data.root=x", "+data.randomise=true"), ("no such option",)),
     ],
 )
-def test_what_cannot_be_drawn_is_refused(overrides: tuple[str, ...], message: str) -> None:
-    with pytest.raises(UserError, match=message):
+def test_what_cannot_be_drawn_is_refused(overrides: tuple[str, ...], named: tuple[str, ...]) -> None:
+    with refused(UserError, "data.randomise", *named):
         checked(*overrides)
 
 
@@ -264,7 +292,5 @@ def test_what_shares_nothing_is_said_in_a_line(capsys: pytest.CaptureFixture[str
 
 @pytest.mark.parametrize("bounds", ["3", "1,2,3", "5,4", "-1,2", "a,2", "1.5,2"])
 def test_what_names_no_colons_is_refused(bounds: str) -> None:
-    with pytest.raises(
-        InterpolationResolutionError, match=rf"colons:{bounds}}}: expected a first and a last number"
-    ):
+    with refused(InterpolationResolutionError, None, f"colons:{bounds}}}"):
         checked("experiment=sim2real", f"data.split.train=${{colons:{bounds}}}")

@@ -4,6 +4,7 @@ from typing import Any
 
 import pytest
 import torch
+from refusals import refused
 from torch import nn
 
 from col3d.errors import OptionError
@@ -96,14 +97,14 @@ def test_networks_here_have_layers(name: str) -> None:
 @pytest.mark.parametrize("changes", [{"encoder_lr": 1e-3}, {"layer_decay": 0.9}])
 def test_a_network_without_an_encoder_is_told_what_is_needed(changes: dict[str, float]) -> None:
     [option] = changes
-    with pytest.raises(OptionError, match=rf"^optimizer\.{option}: Linear has no module `encoder`"):
+    with refused(OptionError, f"optimizer.{option}", "Linear ", "`encoder`"):
         check_encoder(options(**changes), nn.Linear(1, 1))
 
 
 def test_an_encoder_of_one_layer_has_none_to_tell_apart() -> None:
     network = nn.Module()
     network.encoder = nn.Linear(1, 1)
-    with pytest.raises(OptionError, match=r"^optimizer\.layer_decay: finds fewer than two layers"):
+    with refused(OptionError, "optimizer.layer_decay", "fewer than two"):
         check_encoder(options(layer_decay=0.9), network)
 
 
@@ -114,17 +115,10 @@ def test_without_them_the_groups_are_as_before() -> None:
     assert len(group["params"]) == len(list(network.parameters()))
 
 
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"unfreeze_at": 2}, "model.unfreeze_at: is of model.freeze="),
-        ({"unfreeze_at": 2, "freeze": ["first_conv"]}, "model.unfreeze_at: is of model.freeze="),
-    ],
-)
-def test_what_was_never_kept_is_not_let_go(given: dict[str, Any], message: str) -> None:
-    with pytest.raises(OptionError) as error:
+@pytest.mark.parametrize("given", [{"unfreeze_at": 2}, {"unfreeze_at": 2, "freeze": ["first_conv"]}])
+def test_what_was_never_kept_is_not_let_go(given: dict[str, Any]) -> None:
+    with refused(OptionError, "model.unfreeze_at", "model.freeze=[encoder]"):
         model_options({"name": "bts", **given})
-    assert str(error.value).startswith(message)
 
 
 def test_a_network_that_cannot_learn_is_refused() -> None:
@@ -133,8 +127,8 @@ def test_a_network_that_cannot_learn_is_refused() -> None:
             super().__init__()
             self.register_buffer("scale", torch.ones(1))
 
-    with pytest.raises(OptionError, match=r"^model: Fixed has no parameters: there is nothing to train$"):
+    with refused(OptionError, "model", "Fixed has no parameters"):
         check_learns(Fixed())
     kept = nn.Linear(1, 1).requires_grad_(False)
-    with pytest.raises(OptionError, match=r"^model: Linear keeps all its parameters"):
+    with refused(OptionError, "model", "Linear keeps "):
         check_learns(kept)

@@ -9,6 +9,7 @@ import pytest
 import torch
 from cut_runs import assert_the_same, options, stopped_in
 from programs import call
+from refusals import refused
 from tiny_run import SMALL, TINY, composed
 
 from col3d.errors import UserError
@@ -74,25 +75,18 @@ def test_two_processes_train_it_alike(tiny: Compose, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("overrides", "message"),
+    ("overrides", "about", "named"),
     [
-        (["model.unfreeze_at=1"], "model.unfreeze_at: is of model.freeze=[encoder]"),
-        (
-            ["model.freeze=[encoder]", "model.unfreeze_at=50"],
-            "model.unfreeze_at: expected fewer",
-        ),
-        (
-            ["model.freeze=[encoder]", "model.unfreeze_at=0"],
-            "model.unfreeze_at: expected greater",
-        ),
-        (["optimizer.layer_decay=1.5"], "optimizer.layer_decay: expected less than or equal to 1"),
-        (["optimizer.encoder_lr=0"], "optimizer.encoder_lr: expected greater than 0, got 0"),
+        (["model.unfreeze_at=1"], "model.unfreeze_at", ("model.freeze=[encoder]",)),
+        (["model.freeze=[encoder]", "model.unfreeze_at=50"], "model.unfreeze_at", ("fewer", "50")),
+        (["model.freeze=[encoder]", "model.unfreeze_at=0"], "model.unfreeze_at", ("greater", "got 0")),
+        (["optimizer.layer_decay=1.5"], "optimizer.layer_decay", ("equal to 1", "got 1.5")),
+        (["optimizer.encoder_lr=0"], "optimizer.encoder_lr", ("greater than 0", "got 0")),
     ],
 )
-def test_each_mistake_is_one_line(overrides: list[str], message: str) -> None:
-    with pytest.raises(UserError) as error:
+def test_each_mistake_is_one_line(overrides: list[str], about: str, named: tuple[str, ...]) -> None:
+    with refused(UserError, about, *named) as error:
         check_options(TrainOptions, composed("train", "output_dir=x", *overrides))
-    assert str(error.value).startswith(message)
     assert "\n" not in str(error.value)
 
 

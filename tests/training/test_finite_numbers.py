@@ -8,6 +8,7 @@ from unittest.mock import Mock
 import pytest
 import torch
 from lightning import Callback, LightningModule, Trainer
+from refusals import refused
 from torch import nn
 
 from col3d.errors import DivergedError
@@ -41,7 +42,7 @@ def test_step_and_frames_are_named(bad: float) -> None:
     batch = {"video": ["cecum_t1_a", "desc_t4_a"], "frame": torch.tensor([7, 130])}
     callback.on_train_batch_start(trainer, module, batch, 0)
     callback.on_before_backward(trainer, module, torch.tensor(1e30))
-    with pytest.raises(DivergedError, match=r"at step 41 \(frames cecum_t1_a:7, desc_t4_a:130\)"):
+    with refused(DivergedError, None, bad, "step 41", "cecum_t1_a:7, desc_t4_a:130"):
         callback.on_before_backward(trainer, module, torch.tensor(bad))
 
 
@@ -56,8 +57,8 @@ def fit(module: LightningModule, *callbacks: Callback) -> None:
 
 def test_weights_are_not_spoiled(tmp_path: Path) -> None:
     module = OneWeight(step=2, bad=float("nan"))
-    message = r"because of loss_normals at step 2 \(frames a:2; .*bad_batch\.pt has them\)"
-    with pytest.raises(DivergedError, match=message):
+
+    with refused(DivergedError, None, "loss_normals", "step 2 ", "frames a:2;", tmp_path / "bad_batch.pt"):
         fit(module, FiniteNumbers(tmp_path))
     assert module.weight.item() == pytest.approx(0.8)
     kept = torch.load(tmp_path / "bad_batch.pt", weights_only=True)
@@ -69,7 +70,7 @@ def test_weights_are_not_spoiled(tmp_path: Path) -> None:
 
 def test_a_gradient_is_refused_where_the_loss_is_fine(tmp_path: Path) -> None:
     module = OneWeight(step=1, bad=0.0, bad_gradient=True)
-    with pytest.raises(DivergedError, match=r"the gradient of weight is not finite at step 1 \(frames a:1"):
+    with refused(DivergedError, None, "gradient of weight ", "step 1 ", "frames a:1;"):
         fit(module, FiniteNumbers(tmp_path))
     assert module.weight.item() == pytest.approx(0.9)
     assert "gradient" in torch.load(tmp_path / "bad_batch.pt", weights_only=True)["reason"]
@@ -98,14 +99,14 @@ class Saves(Callback):
 @pytest.mark.parametrize(
     ("module", "said"),
     [
-        (OneWeight(step=1, bad=float("nan")), "the loss is nan, because of loss_normals at step 1"),
-        (OneWeight(step=1, bad=0.0, bad_gradient=True), "the gradient is not finite at step 1"),
+        (OneWeight(step=1, bad=float("nan")), ("nan", "loss_normals")),
+        (OneWeight(step=1, bad=0.0, bad_gradient=True), ("gradient",)),
     ],
 )
 def test_a_host_that_runs_ahead_names_the_step_of_before(
-    module: OneWeight, said: str, tmp_path: Path
+    module: OneWeight, said: tuple[str, ...], tmp_path: Path
 ) -> None:
-    with pytest.raises(DivergedError, match=rf"{said} \(frames a:1; "):
+    with refused(DivergedError, None, *said, "step 1 ", "frames a:1;"):
         fit(module, FiniteNumbers(tmp_path, late=2))
     assert torch.isnan(module.weight)
     kept = torch.load(tmp_path / "bad_batch.pt", weights_only=True)
@@ -114,13 +115,13 @@ def test_a_host_that_runs_ahead_names_the_step_of_before(
 
 @pytest.mark.parametrize("step", range(4))
 def test_a_host_that_runs_ahead_reads_all_at_the_end_of_an_epoch(step: int) -> None:
-    with pytest.raises(DivergedError, match=f"at step {step} "):
+    with refused(DivergedError, None, f"step {step} "):
         fit(OneWeight(step=step, bad=float("inf")), FiniteNumbers(late=10))
 
 
 def test_nothing_is_saved_after_a_bad_step(tmp_path: Path) -> None:
     saves = Saves(tmp_path / "last.ckpt")
-    with pytest.raises(DivergedError, match="at step 2 "):
+    with refused(DivergedError, None, "step 2 "):
         fit(OneWeight(step=2, bad=float("nan")), FiniteNumbers(late=10), saves)
     assert saves.saved == [1, 2]
     assert torch.load(saves.path)["state_dict"]["weight"] == pytest.approx(0.8)

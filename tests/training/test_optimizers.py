@@ -4,6 +4,7 @@ from typing import Any
 
 import pytest
 import torch
+from refusals import refused
 from torch import nn
 
 from col3d.errors import OptionError
@@ -65,45 +66,43 @@ def test_the_rest_has_a_weight_decay_of_its_own() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "changes", "message"),
+    ("name", "changes", "about", "named"),
     [
-        ("adamw", {"betas": [1.0, 0.9]}, "optimizer: adamw: Invalid beta parameter at index 0: 1.0"),
-        ("sgd", {"nesterov": True, "momentum": 0.0}, "optimizer: sgd: Nesterov momentum requires"),
-        ("rprop", {"decoder_weight_decay": 0.1}, "optimizer.decoder_weight_decay: rprop has no weight decay"),
+        ("adamw", {"betas": [1.0, 0.9]}, "optimizer", ("adamw: ", "index 0: 1.0")),
+        ("sgd", {"nesterov": True, "momentum": 0.0}, "optimizer", ("sgd: ", "Nesterov")),
+        ("rprop", {"decoder_weight_decay": 0.1}, "optimizer.decoder_weight_decay", ("rprop",)),
     ],
 )
-def test_rules_of_the_library_are_one_line(name: str, changes: dict[str, Any], message: str) -> None:
-    with pytest.raises(OptionError) as error:
+def test_rules_of_the_library_are_one_line(
+    name: str, changes: dict[str, Any], about: str, named: tuple[str, ...]
+) -> None:
+    with refused(OptionError, about, *named):
         options(name, **changes)
-    assert str(error.value).startswith(message)
 
 
 @pytest.mark.parametrize(
-    ("name", "given", "message"),
+    ("name", "given", "about", "named"),
     [
-        ("adamw", {"lr": -1}, "optimizer.lr: expected greater than 0, got -1"),
-        (
-            "adamw",
-            {"weight_decay": -1.0},
-            "optimizer.weight_decay: expected greater than or equal to 0, got -1.0",
-        ),
-        ("adamw", {"eps": 0.0}, "optimizer.eps: expected greater than 0, got 0.0"),
-        ("sgd", {"momentum": 1.0}, "optimizer.momentum: expected less than 1, got 1.0"),
-        ("adamw", {"momentum": 0.9}, "optimizer.momentum: no such option"),
-        ("lion", {"betas": [0.9]}, "optimizer.betas.1: a value is needed"),
-        ("radam", {"eps": "small"}, "optimizer.eps: expected a valid number"),
+        ("adamw", {"lr": -1}, "optimizer.lr", ("greater than 0", -1)),
+        ("adamw", {"weight_decay": -1.0}, "optimizer.weight_decay", ("or equal to 0", -1.0)),
+        ("adamw", {"eps": 0.0}, "optimizer.eps", ("greater than 0", 0.0)),
+        ("sgd", {"momentum": 1.0}, "optimizer.momentum", ("less than 1", 1.0)),
+        ("adamw", {"momentum": 0.9}, "optimizer.momentum", ("no such option",)),
+        ("lion", {"betas": [0.9]}, "optimizer.betas.1", ("needed",)),
+        ("radam", {"eps": "small"}, "optimizer.eps", ("number", "'small'")),
     ],
 )
-def test_values_are_held_against_the_signature(name: str, given: dict[str, Any], message: str) -> None:
-    with pytest.raises(OptionError) as error:
+def test_values_are_held_against_the_signature(
+    name: str, given: dict[str, Any], about: str, named: tuple[object, ...]
+) -> None:
+    with refused(OptionError, about, *named):
         checked(
             OPTIMIZERS[name].options(type(options(name)).__mro__[1]), {"name": name, **given}, "optimizer"
         )
-    assert str(error.value).startswith(message)
 
 
 def test_an_unknown_name_has_a_nearest_one() -> None:
-    with pytest.raises(OptionError, match=r"optimizer\.name: 'adanw2' is unknown; did you mean 'adanw'"):
+    with refused(OptionError, "optimizer.name", "'adanw2'", "'adanw'"):
         optimizer_options({"name": "adanw2"})
 
 
@@ -113,6 +112,6 @@ def test_an_error_of_somebody_s_optimiser_is_not_ours() -> None:
             raise ValueError(f"odd is {odd}")
 
     register_optimizer("mine", Mine)
-    with pytest.raises(ValueError, match=r"^odd is 3$") as error:
+    with refused(ValueError, None, "odd is 3") as error:
         optimizer_options({"name": "mine", "odd": 3})
     assert not isinstance(error.value, OptionError)

@@ -9,6 +9,7 @@ import pytest
 import torch
 from lightning import Callback, LightningModule, Trainer
 from lightning.pytorch.callbacks import ModelCheckpoint
+from refusals import refused
 from tiny_task import LOSS, QUIET, TinyNetwork, frames
 from torch import nn
 from torch.optim import lr_scheduler
@@ -171,69 +172,62 @@ def test_each_goes_on_at_the_rates_of_one_that_was_not_cut_off(
 
 
 def test_a_cycle_that_is_shorter_than_the_training_is_refused_before_its_first_step(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match=r"^scheduler.total_steps: expected at least the 8 of this training"):
+    with refused(UserError, "scheduler.total_steps", 8, 3):
         fitted("OneCycleLR", tmp_path, total_steps=3)
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("given", "about", "named"),
     [
-        ({"name": "OneCycelLR"}, "scheduler.name: 'OneCycelLR' is unknown; did you mean 'OneCycleLR'"),
-        ({}, "scheduler.name: a value is needed"),
-        ({"name": "LambdaLR"}, "scheduler.name: 'LambdaLR' is unknown"),
-        (
-            {"name": "StepLR", "step_size": 2, "gama": 0.1},
-            "scheduler.gama: no such option; did you mean 'scheduler.gamma'",
-        ),
-        (
-            {"name": "ReduceLROnPlateau", "interval": "step"},
-            "scheduler.interval: ReduceLROnPlateau is stepped after",
-        ),
-        ({"name": "StepLR", "step_size": 2, "monitor": "val/loss"}, "scheduler.monitor: no such option"),
+        ({"name": "OneCycelLR"}, "scheduler.name", ("'OneCycelLR'", "'OneCycleLR'")),
+        ({}, "scheduler.name", ("needed",)),
+        ({"name": "LambdaLR"}, "scheduler.name", ("'LambdaLR'",)),
+        ({"name": "StepLR", "step_size": 2, "gama": 0.1}, "scheduler.gama", ("'scheduler.gamma'",)),
+        ({"name": "ReduceLROnPlateau", "interval": "step"}, "scheduler.interval", ("ReduceLROnPlateau ",)),
+        ({"name": "StepLR", "step_size": 2, "monitor": "val/loss"}, "scheduler.monitor", ("no such option",)),
     ],
 )
-def test_each_mistake_is_one_line(given: dict[str, Any], message: str) -> None:
-    with pytest.raises(OptionError) as error:
+def test_each_mistake_is_one_line(given: dict[str, Any], about: str, named: tuple[str, ...]) -> None:
+    with refused(OptionError, about, *named):
         scheduler_options(given)
-    assert str(error.value).startswith(message)
 
 
 @pytest.mark.parametrize(
-    ("name", "given", "message"),
+    ("name", "given", "about", "named"),
     [
-        ("OneCycleLR", {}, "scheduler.max_lr: a value is needed"),
-        ("StepLR", {"step_size": "x"}, "scheduler.step_size: expected a valid integer"),
-        ("CosineAnnealingLR", {"T_max": 0}, "scheduler.T_max: expected greater than 0"),
-        ("CosineAnnealingLR", {"interval": "batch"}, "scheduler.interval: expected 'step' or 'epoch'"),
-        ("step", {"factor": 0}, "scheduler.factor: expected greater than 0, got 0"),
+        ("OneCycleLR", {}, "scheduler.max_lr", ("needed",)),
+        ("StepLR", {"step_size": "x"}, "scheduler.step_size", ("integer", "'x'")),
+        ("CosineAnnealingLR", {"T_max": 0}, "scheduler.T_max", ("greater than 0", "got 0")),
+        ("CosineAnnealingLR", {"interval": "batch"}, "scheduler.interval", ("'step' or 'epoch'", "'batch'")),
+        ("step", {"factor": 0}, "scheduler.factor", ("greater than 0", "got 0")),
     ],
 )
-def test_values_are_held_against_the_signature(name: str, given: dict[str, Any], message: str) -> None:
+def test_values_are_held_against_the_signature(
+    name: str, given: dict[str, Any], about: str, named: tuple[str, ...]
+) -> None:
     from col3d.training.schedulers import base_class
 
     part = SCHEDULERS[name]
-    with pytest.raises(OptionError) as error:
+    with refused(OptionError, about, *named):
         checked(part.options(base_class(part)), {"name": name, **given}, "scheduler")
-    assert str(error.value).startswith(message)
 
 
 @pytest.mark.parametrize(
-    ("name", "given", "optimizer", "message"),
+    ("name", "given", "optimizer", "named"),
     [
-        ("OneCycleLR", {"pct_start": 2.0}, sgd(), "scheduler: OneCycleLR: Expected float between 0 and 1"),
+        ("OneCycleLR", {"pct_start": 2.0}, sgd(), "between 0 and 1"),
         (
             "CyclicLR",
             {"cycle_momentum": True},
             torch.optim.Adagrad([nn.Parameter(torch.zeros(()))]),
-            "scheduler: CyclicLR: optimizer must support momentum",
+            "momentum",
         ),
-        ("ReduceLROnPlateau", {"factor": 1.5}, sgd(), "scheduler: ReduceLROnPlateau: Factor should be < 1.0"),
+        ("ReduceLROnPlateau", {"factor": 1.5}, sgd(), "Factor should be < 1.0"),
     ],
 )
-def test_rules_of_torch_are_one_line(name: str, given: Any, optimizer: Any, message: str) -> None:
-    with pytest.raises(OptionError) as error:
+def test_rules_of_torch_are_one_line(name: str, given: Any, optimizer: Any, named: str) -> None:
+    with refused(OptionError, "scheduler", f"{name}: ", named):
         try_schedule(options(name, **given), optimizer, 2)
-    assert str(error.value).startswith(message)
 
 
 def test_a_schedule_of_somebody_s_is_told_how_long_the_training_is() -> None:
@@ -253,7 +247,7 @@ def test_a_schedule_of_somebody_s_is_told_how_long_the_training_is() -> None:
     def odd(optimizer: Any) -> Any:
         raise ValueError("mine")
 
-    with pytest.raises(ValueError, match=r"^mine$") as error:
+    with refused(ValueError, None, "mine") as error:
         try_schedule(options("odd"), sgd(), 1)
     assert not isinstance(error.value, OptionError)
 

@@ -12,6 +12,7 @@ import pytest
 from cut_runs import gone_on, options, stopped_in
 from lightning import Trainer
 from programs import call
+from refusals import refusal, refused
 from tiny_run import TINY, composed
 
 from col3d.errors import UserError
@@ -59,48 +60,46 @@ def test_what_is_given_reaches_the_trainer(override: str, attribute: str, value:
 
 
 @pytest.mark.parametrize(
-    ("overrides", "message"),
+    ("overrides", "about", "named"),
     [
-        (["++trainer.max_steps=5"], "trainer.max_steps: a training is as long as trainer.max_epochs"),
+        (["++trainer.max_steps=5"], "trainer.max_steps", ("trainer.max_epochs",)),
+        (["++trainer.gradient_clip_val=1"], "trainer.gradient_clip_val", ("trainer.gradient_clip",)),
+        (["++trainer.max_epoch=5"], "trainer.max_epoch", ("'trainer.max_epochs'",)),
+        (["trainer.limit_val_batches=0"], "trainer.limit_val_batches", ("greater than 0", "got 0")),
+        (["trainer.limit_val_batches=1.5"], "trainer.limit_val_batches", ("1.5",)),
+        (["trainer.check_val_every_n_epoch=99"], "trainer.check_val_every_n_epoch", ("at most", "99")),
+        (["trainer.profiler=fast"], "trainer.profiler", ("'simple', 'advanced' or 'pytorch'", "'fast'")),
         (
-            ["++trainer.gradient_clip_val=1"],
-            "trainer.gradient_clip_val: is called trainer.gradient_clip",
+            ["trainer.gradient_clip_algorithm=value"],
+            "trainer.gradient_clip_algorithm",
+            ("needs trainer.gradient_clip",),
         ),
-        (["++trainer.max_epoch=5"], "trainer.max_epoch: no such option; did you mean 'trainer.max_epochs'?"),
-        (["trainer.cudagraphs=true"], "trainer.cudagraphs: needs trainer.compile=true"),
-        (["trainer.limit_val_batches=0"], "trainer.limit_val_batches: expected greater than 0"),
-        (["trainer.limit_val_batches=1.5"], "trainer.limit_val_batches: expected "),
-        (["trainer.check_val_every_n_epoch=99"], "trainer.check_val_every_n_epoch: expected at most"),
-        (
-            ["trainer.profiler=fast"],
-            "trainer.profiler: expected 'simple', 'advanced' or 'pytorch'",
-        ),
-        (["trainer.gradient_clip_algorithm=value"], "trainer.gradient_clip_algorithm: needs trainer.grad"),
+        (["trainer.cudagraphs=true"], "trainer.cudagraphs", ["trainer.compile=true"]),
         (
             ["callbacks.predictions=true", "trainer.num_nodes=2"],
-            "callbacks.predictions: one process writes them, got trainer.devices=1 trainer.num_nodes=2",
+            "callbacks.predictions",
+            ("trainer.devices=1", "trainer.num_nodes=2"),
         ),
         (
             ["model=pix2pix", "trainer.gradient_clip=1.0", "trainer.gradient_clip_algorithm=value"],
-            "trainer.gradient_clip_algorithm: task=adversarial clips by norm, got value",
+            "trainer.gradient_clip_algorithm",
+            ("task=adversarial", "norm", "got value"),
         ),
     ],
 )
-def test_each_mistake_is_one_line(overrides: list[str], message: str) -> None:
-    with pytest.raises(UserError) as error:
+def test_each_mistake_is_one_line(overrides: list[str], about: str, named: tuple[str, ...]) -> None:
+    with refused(UserError, about, *named) as error:
         checked(*overrides)
-    assert str(error.value).startswith(message)
     assert "\n" not in str(error.value)
 
 
 def test_on_the_command_line_the_reason_is_said(tmp_path: Path) -> None:
     given = ("trainer.max_steps=3", "trainer.max_epoch=2")
-    for argument, expected in zip(given, ("as long as trainer.max_epochs", "did you mean"), strict=True):
+    for argument in given:
         answer = call("train.py", *TINY, argument, f"hydra.run.dir={tmp_path / 'run'}", cwd=tmp_path)
         assert answer.returncode == 2
-        assert answer.stderr.startswith(f"error: {argument.partition('=')[0]}: ")
-        assert expected in answer.stderr
-        assert len(answer.stderr.splitlines()) == 1
+        assert refusal(answer.stderr).about == argument.partition("=")[0]
+        assert "trainer.max_epochs" in answer.stderr
 
 
 @pytest.mark.parametrize(

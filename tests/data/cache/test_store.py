@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 import torch
 from numpy.lib import format as npy
+from refusals import refused
 from torch.utils.data import DataLoader
 
 from col3d.data.cache import Recipe, Stored, StoredVideo, read_video
@@ -147,9 +148,7 @@ def test_a_truncated_array_is_found_at_opening(make: Make, name: str) -> None:
     _, stored = make()
     path = stored.folder / f"{name}.npy"
     path.write_bytes(path.read_bytes()[:-1])
-    with pytest.raises(
-        DataError, match=rf"{name}\.npy: a store's array has \d+ bytes instead of \d+; run col3d prep"
-    ):
+    with refused(DataError, path, "bytes", "col3d prepare"):
         stored_frames(stored)
 
 
@@ -159,10 +158,10 @@ def test_another_header_is_found_at_opening(make: Make) -> None:
     content = bytearray(path.read_bytes())
     content[20] ^= 1
     path.write_bytes(content)
-    with pytest.raises(DataError, match=r"depth\.npy: a store's array does not begin as it was written"):
+    with refused(DataError, path, "begin"):
         stored_frames(stored)
     path.unlink()
-    with pytest.raises(DataError, match=r"depth\.npy: a store's array is missing"):
+    with refused(DataError, path, "missing"):
         stored_frames(stored)
 
 
@@ -234,7 +233,7 @@ def test_a_video_that_fails_leaves_nothing(make: Make, tmp_path: Path) -> None:
     frames, _ = make()
     path = frames.frames.frames[3].files["depth"]
     path.write_bytes(path.read_bytes()[:5000])
-    with pytest.raises(DataError, match=r"0007_depth\.tiff"):
+    with refused(DataError, path):
         write_store(tmp_path / "other", frames, recipe_of(frames, "stored"), lambda: None)
     assert list((tmp_path / "other").iterdir()) == []
 

@@ -128,13 +128,14 @@ def test_the_release_that_is_asked_for_is_held_against_the_normals(write_sphere:
     assert faults(check(root, release="pre_2023_05")) == []
     found = check(root, release="current")
     assert faults(found) == [("normals", None)]
-    assert "follow the release pre_2023_05, and data.release=current" in said(found)
+    assert "release pre_2023_05" in said(found)
+    assert "data.release=current" in said(found)
 
 
 def test_normals_of_no_release_are_a_fault(write_sphere: Write, check: Check) -> None:
     found = check(write_sphere(channels=((0, 1), (1, -1), (2, 1))))
     assert faults(found) == [("normals", None)]
-    assert "expected normals as a release of C3VD stores them, got (x, -y, z): 0." in said(found)
+    assert "got (x, -y, z): 0." in said(found)
 
 
 def test_normals_of_a_pinhole_are_a_fault(write_sphere: Write, check: Check) -> None:
@@ -169,7 +170,6 @@ def test_normals_of_another_scene_are_a_fault(write_sphere: Write, check: Check)
         write_codes(path, stored(noise, OLD, False))
     found = check(root)
     assert faults(found) == [("normals", None)]
-    assert "do not belong to its depth" in said(found)
 
 
 def test_one_frame_that_is_stored_otherwise_is_named(write_sphere: Write, check: Check) -> None:
@@ -179,8 +179,8 @@ def test_one_frame_that_is_stored_otherwise_is_named(write_sphere: Write, check:
     write_codes(root / "cecum_t1_a" / "0002_normals.tiff", other)
     found = check(root)
     assert faults(found) == [("normals", 2)]
-    assert "0002_normals.tiff: expected normals (x, y, z)" in said(found)
-    assert "read as (y, x, -z)" in said(found)
+    for named in ("0002_normals.tiff: ", "(x, y, z)", "(y, x, -z)"):
+        assert named in said(found)
 
 
 def test_one_frame_that_is_stored_nearly_the_same_is_named(write_sphere: Write, check: Check) -> None:

@@ -56,7 +56,7 @@ def test_a_file_that_is_no_image(write_sphere: Write, check: Check, kind: str, c
     path_of(root, kind).write_bytes(content)
     found = check(root)
     assert faults(found) == [("file", 1)]
-    assert "not a readable image" in said(found)
+    assert f"{path_of(root, kind)}: " in said(found)
 
 
 def test_a_flipped_byte_in_a_png(write_sphere: Write, check: Check) -> None:
@@ -71,27 +71,24 @@ def test_a_flipped_byte_in_a_png(write_sphere: Write, check: Check) -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "how", "expected"),
+    ("kind", "how", "expected", "came"),
     [
-        ("color", lambda pixels: pixels[:54], "expected 108 x 135 pixels, got 54 x 135"),
-        ("depth", lambda pixels: pixels[:, :-1], "expected 108 x 135 pixels, got 108 x 134"),
-        ("color", lambda pixels: pixels[..., 0], "expected 3 channels of 8 bits, got 1 channels of 8 bits"),
-        (
-            "depth",
-            lambda pixels: (pixels >> 8).astype(np.uint8),
-            "expected 1 channels of 16 bits, got 1 channel",
-        ),
-        ("normals", lambda pixels: pixels[..., 1], "expected 3 channels of 16 bits, got 1 channels"),
+        ("color", lambda pixels: pixels[:54], "108 x 135", "got 54 x 135"),
+        ("depth", lambda pixels: pixels[:, :-1], "108 x 135", "got 108 x 134"),
+        ("color", lambda pixels: pixels[..., 0], "3 channels of 8 bits", "got 1 channels of 8"),
+        ("depth", lambda pixels: (pixels >> 8).astype(np.uint8), "1 channels of 16", "got 1 channels of 8"),
+        ("normals", lambda pixels: pixels[..., 1], "3 channels of 16", "got 1 channels of 16"),
     ],
 )
 def test_a_file_of_another_size_or_type(
-    write_sphere: Write, check: Check, kind: str, how: Change, expected: str
+    write_sphere: Write, check: Check, kind: str, how: Change, expected: str, came: str
 ) -> None:
     root = write_sphere()
     change(path_of(root, kind), how)
     found = check(root)
     assert faults(found) == [("file", 1)]
-    assert f"{path_of(root, kind)}: {expected}" in said(found)
+    for named in (f"{path_of(root, kind)}: ", expected, came):
+        assert named in said(found)
 
 
 def test_numbers_with_a_sign_are_no_depth_codes(write_sphere: Write, check: Check) -> None:
@@ -108,7 +105,7 @@ def test_a_frame_without_any_depth(write_sphere: Write, check: Check, code: int)
     change(path_of(root, "depth"), lambda pixels: np.full_like(pixels, code))
     found = check(root)
     assert faults(found) == [("depth", 1)]
-    assert "0001_depth.tiff: expected depth, and not one pixel" in said(found)
+    assert "0001_depth.tiff: " in said(found)
 
 
 def test_constant_depth(write_sphere: Write, check: Check) -> None:
@@ -116,7 +113,7 @@ def test_constant_depth(write_sphere: Write, check: Check) -> None:
     change(path_of(root, "depth", 0), lambda pixels: np.where(pixels > 0, np.uint16(13107), pixels))
     found = check(root)
     assert ("depth", 0) in faults(found)
-    assert "expected depth that varies, got 20.000 mm everywhere" in said(found)
+    assert "got 20.000 mm" in said(found)
 
 
 def test_depth_outside_the_octagon(write_sphere: Write, check: Check) -> None:
@@ -151,7 +148,7 @@ def test_normals_of_other_lengths(write_sphere: Write, check: Check) -> None:
     change(path_of(root, "normals"), shorter)
     found = check(root)
     assert faults(found) == [("unit length", 1)]
-    assert "0001_normals.tiff: expected normals of unit length" in said(found)
+    assert "0001_normals.tiff: " in said(found)
 
 
 def test_normals_that_are_all_unknown(write_sphere: Write, check: Check) -> None:

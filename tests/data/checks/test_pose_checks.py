@@ -98,22 +98,18 @@ def project(pose: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("damage", "message"),
-    [
-        (stretch, "expected an orthonormal rotation, got one that is off by 0.02"),
-        (mirror, "expected a rotation of determinant 1, got one that mirrors"),
-        (project, "expected (0, 0, 0, 1)"),
-    ],
+    ("damage", "named"), [(stretch, "off by 0.02"), (mirror, "determinant 1"), (project, "(0, 0, 0, 1)")]
 )
 def test_a_pose_that_is_none_is_named(
-    write_sphere: Write, check: Check, damage: Callable[[np.ndarray], np.ndarray], message: str
+    write_sphere: Write, check: Check, damage: Callable[[np.ndarray], np.ndarray], named: str
 ) -> None:
     root = write_sphere(numbers=range(5))
     path, _ = lines_of(root)
     write_poses(path, [damage(pose_of(n)) if n == 2 else pose_of(n) for n in range(5)])
     found = check(root)
     assert faults(found) == [("poses", 2)]
-    assert f"pose.txt: line 3, of frame 2: {message}" in said(found)
+    assert "pose.txt: line 3, of frame 2: " in said(found)
+    assert named in said(found)
     assert found.pairs == 2  # 0 to 1 and 3 to 4
 
 
@@ -124,7 +120,7 @@ def test_a_line_that_is_no_matrix_is_named(write_sphere: Write, check: Check, li
     path.write_text("\n".join([*lines[:1], line, *lines[2:]]))
     found = check(root)
     assert faults(found) == [("poses", 1)]
-    assert "line 2, of frame 1: expected 16 comma-separated numbers" in said(found)
+    assert "pose.txt: line 2, of frame 1: " in said(found)
 
 
 def test_poses_in_another_unit_are_a_fault(write_sphere: Write, check: Check) -> None:
@@ -136,7 +132,7 @@ def test_poses_in_another_unit_are_a_fault(write_sphere: Write, check: Check) ->
     write_poses(path, poses)
     found = check(root)
     assert faults(found) == [("reprojection", number) for number in range(5)]
-    assert "carry the depth of frame 0 into frame 1" in said(found)
+    assert "frame 0 into frame 1" in said(found)
     assert found.reprojection > 0.5
 
 
@@ -166,7 +162,8 @@ def test_there_is_a_line_for_each_frame(write_sphere: Write, check: Check, more:
     write_poses(path, [pose_of(number) for number in range(4 + more)])
     found = check(root)
     assert faults(found) == [("poses", None)]
-    assert f"for each of 4 frames, the last of which is 3, got {4 + more}" in said(found)
+    assert "4 frames" in said(found)
+    assert f"got {4 + more}" in said(found)
 
 
 def test_the_last_frame_of_a_part_has_a_line_too(write_sphere: Write, check: Check) -> None:
@@ -188,7 +185,7 @@ def test_what_folds_may_hide_between_cameras_far_apart_is_no_fault(
     reports[0].reprojection = Reprojection(to=1, step=step, seen=0.8, median=3.0, tenth=tenth)
     found = summarise_video(frames, plan, reports, ExpectedVideo({}))
     assert faults(found) == ([("reprojection", 0)] if wrong else [])
-    assert "a median difference of 3.00 mm" in said(found)
+    assert "3.00 mm" in said(found)
 
 
 def test_a_part_of_a_video_may_have_the_whole_poses(write_sphere: Write, check: Check) -> None:

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from PIL import Image
+from refusals import refused
 
 from col3d.data.checks.salvage import read_in_part
 from col3d.data.files.decode import read_whole
@@ -65,7 +66,7 @@ def lose_rows(content: bytes) -> bytes:
 def test_a_damaged_png_is_refused(tmp_path: Path, damage: Callable[[bytes], bytes]) -> None:
     path = png(tmp_path / "a.png")
     path.write_bytes(damage(path.read_bytes()))
-    with pytest.raises(DataError, match=r"a\.png: cannot be decoded \(.*copy it again"):
+    with refused(DataError, path, "decoded ("):
         read_whole(path)
 
 
@@ -83,7 +84,7 @@ def test_a_tiff_that_is_not_complete_is_refused(
 ) -> None:
     path = tiff(tmp_path / "a.tiff", compression)
     path.write_bytes(damage(path.read_bytes()))
-    with pytest.raises(DataError, match=r"a\.tiff: cannot be decoded \(.*copy it again"):
+    with refused(DataError, path, "decoded ("):
         read_whole(path)
 
 
@@ -95,7 +96,7 @@ def test_a_flipped_byte_in_a_deflated_tiff_is_refused(tmp_path: Path, at: int) -
     with Image.open(path) as image:
         content[image.tag_v2[273][0] + at] ^= 1
     path.write_bytes(content)
-    with pytest.raises(DataError, match=r"a\.tiff: cannot be decoded"):
+    with refused(DataError, path, "decoded ("):
         read_whole(path)
 
 
@@ -103,13 +104,13 @@ def test_a_flipped_byte_in_a_deflated_tiff_is_refused(tmp_path: Path, at: int) -
 def test_what_is_no_image_is_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "a.png"
     path.write_bytes(content)
-    with pytest.raises(DataError, match=r"a\.png: cannot be decoded"):
+    with refused(DataError, path, "decoded ("):
         read_whole(path)
     assert read_in_part(path) is None
 
 
 def test_a_missing_file_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match=r"a\.png: no such file"):
+    with refused(DataError, tmp_path / "a.png", "no such file"):
         read_whole(tmp_path / "a.png")
     assert read_in_part(tmp_path / "a.png") is None
 
@@ -120,5 +121,5 @@ def test_half_of_a_broken_picture_can_be_shown(tmp_path: Path) -> None:
     found = read_in_part(path)
     assert found is not None
     np.testing.assert_array_equal(found[:20], PIXELS[:20])
-    with pytest.raises(DataError):
+    with refused(DataError, path):
         read_whole(path)  # leniency ended with the other call

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from programs import call
+from refusals import refused
 from tiny_run import composed, real_frames
 
 from col3d.data.cache import Recipe, write_video
@@ -146,10 +147,7 @@ def test_frames_of_another_lens_are_a_fault(tmp_path: Path, monkeypatch: pytest.
     facts = run(root, *split, code=1)
     assert faults(facts) == [("lens", video, None)]
     assert facts["lens"][0]["reading"] == "[[c, d], [e, 1]]"
-    assert (
-        "expected depth and poses seen through the stretch matrix [[c, e], [d, 1]]"
-        in facts["findings"][0]["text"]
-    )
+    assert "[[c, e], [d, 1]]" in facts["findings"][0]["text"]
 
 
 def test_flow_that_points_the_other_way_is_a_fault(root: Path) -> None:
@@ -172,7 +170,6 @@ def test_a_coverage_mesh_is_read(root: Path) -> None:
     path.write_text("\n".join(line for line in text.splitlines() if line.startswith("v ")) + "\nf 1 2 3\n")
     facts = run(root)
     assert [(f["rule"], f["fault"]) for f in facts["findings"]] == [("coverage", False)]
-    assert "does not say which faces were observed" in facts["findings"][0]["text"]
 
 
 def test_videos_of_today_s_names_and_of_other_kinds(
@@ -193,7 +190,7 @@ def test_videos_of_today_s_names_and_of_other_kinds(
     assert found.keys() == {"c1_cecum_t1_v1", "c1_cecum_t1_v4"}
     assert (found["c1_cecum_t1_v1"]["expected"], found["c1_cecum_t1_v4"]["expected"]) == (218, 602)
     notes = [f["text"] for f in facts["findings"] if not f["fault"]]
-    assert any("not looked into: c0_transverse_t1_v1 is a video of c3vd" in note for note in notes)
+    assert any("c0_transverse_t1_v1 is a video of c3vd" in note for note in notes)
     assert not any(f["rule"] == "pair" for f in facts["findings"])
     assert "1 of 3 videos lie under other names: c0_transverse_t1_v1 is trans_t1_a" in capsys.readouterr().out
 
@@ -202,7 +199,7 @@ def test_a_missing_video_is_a_fault_unless_it_may_be(root: Path) -> None:
     shutil.rmtree(root / "trans_t1_a")
     facts = run(root, code=1)
     assert faults(facts) == [("missing", "trans_t1_a", None)]
-    assert "trans_t1_a: no such video of split custom" in facts["findings"][0]["text"]
+    assert "split custom" in facts["findings"][0]["text"]
     assert faults(run(root, "data.allow_missing=true")) == []
 
 
@@ -226,17 +223,17 @@ def test_folders_without_frames_are_noted_or_missed(root: Path) -> None:
 
 def test_a_phantom_of_other_options_is_refused(root: Path) -> None:
     given = composed("verify", "data=phantom", "phantom=smoke", f"data.root={root}")
-    with pytest.raises(DataError, match=r"give phantom\.size=\[108,135\] phantom\.frames_per_video=6"):
+    with refused(DataError, None, "phantom.size=[108,135] phantom.frames_per_video=6"):
         verify(given)
 
 
 def test_nothing_to_check_is_refused(tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
-    with pytest.raises(UserError, match=r"data\.root=.*empty: no frames NNNN_color\.png .* in any folder"):
+    with refused(UserError, f"data.root={tmp_path / 'empty'}", "NNNN_color.png"):
         verify(composed("verify", "data=c3vd", f"data.root={tmp_path / 'empty'}"))
-    with pytest.raises(DataError, match=r"data\.root=.*none: no such folder"):
+    with refused(DataError, f"data.root={tmp_path / 'none'}"):
         verify(composed("verify", "data=c3vd", f"data.root={tmp_path / 'none'}"))
-    with pytest.raises(UserError, match=r"data\.test, data\.also: are of trainings"):
+    with refused(UserError, "data.test, data.also"):
         verify(composed("verify", f"data.root={tmp_path}", "data.also={}") | {"data": with_test(tmp_path)})
 
 

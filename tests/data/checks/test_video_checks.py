@@ -24,21 +24,22 @@ from col3d.data.datasets.c3vd import C3VD
 
 
 @pytest.mark.parametrize(
-    ("missing", "expected"),
+    ("missing", "remedy"),
     [
-        ("0001_color.png", "frame 1 has no 0001_color.png; copy it again"),
-        ("0001_depth.tiff", "frame 1 has no 0001_depth.tiff; copy it again"),
-        ("0001_normals.tiff", "frame 1 has no 0001_normals.tiff; data.normals=derived computes"),
+        ("0001_color.png", "copy it again"),
+        ("0001_depth.tiff", "copy it again"),
+        ("0001_normals.tiff", "data.normals=derived"),
     ],
 )
 def test_a_frame_without_one_of_its_files(
-    write_sphere: Write, check: Check, missing: str, expected: str
+    write_sphere: Write, check: Check, missing: str, remedy: str
 ) -> None:
     root = write_sphere()
     (root / "cecum_t1_a" / missing).unlink()
     found = check(root)
     assert faults(found) == [("pair", 1)]
-    assert expected in said(found)
+    for named in ("frame 1 ", missing, remedy):
+        assert named in said(found)
     assert found.frames == 3
 
 
@@ -55,7 +56,8 @@ def test_a_kind_that_is_missing_altogether_is_said_once(write_sphere: Write, che
         path.unlink()
     found = check(root)
     assert faults(found) == [("pair", None)]
-    assert "none of the 3 frames has its NNNN_normals.tiff; data.normals=derived" in said(found)
+    for named in ("3 frames", "NNNN_normals.tiff", "data.normals=derived"):
+        assert named in said(found)
 
 
 def test_two_files_for_one_frame(write_sphere: Write, check: Check) -> None:
@@ -64,7 +66,7 @@ def test_two_files_for_one_frame(write_sphere: Write, check: Check) -> None:
     shutil.copy(folder / "0001_depth.tiff", folder / "1_depth.tiff")
     found = check(root)
     assert faults(found) == [("pair", 1)]
-    assert "the same frame as 0001_depth.tiff; keep one of them" in said(found)
+    assert " 0001_depth.tiff" in said(found)
 
 
 def test_numbers_without_padding_are_found(write_sphere: Write, check: Check) -> None:
@@ -93,7 +95,7 @@ def test_a_folder_without_frames(tmp_path: Path, check: Check) -> None:
     (tmp_path / "data" / "cecum_t1_a").mkdir(parents=True)
     found = check(tmp_path / "data")
     assert faults(found) == [("count", None)]
-    assert "no frames NNNN_color.png" in said(found)
+    assert "NNNN_color.png" in said(found)
 
 
 def test_a_picture_that_is_there_twice_in_a_video(write_sphere: Write, check: Check) -> None:
@@ -105,9 +107,8 @@ def test_a_picture_that_is_there_twice_in_a_video(write_sphere: Write, check: Ch
     )  # other bytes
     found = check(root)
     assert faults(found) == [("duplicate", 3)]
-    assert "0003_color.png: expected a picture of its own, got that of cecum_t1_a/0001_color.png" in said(
-        found
-    )
+    assert "0003_color.png: " in said(found)
+    assert "cecum_t1_a/0001_color.png" in said(found)
     assert found.duplicates == 1
 
 
@@ -203,7 +204,7 @@ def test_stores(tmp_path: Path, write_sphere: Write, frames: C3VD) -> None:
     assert stores_beside(root) == [store]
     (whole,) = check_store(store, fast=False)
     assert not whole.fault
-    assert "1 prepared videos, undamaged" in whole.text
+    assert "1 prepared videos" in whole.text
     path = store / "cecum_t1_a" / "depth.npy"
     values = np.lib.format.open_memmap(path, mode="r+")
     values[1, 30, 40] ^= 1
@@ -216,4 +217,4 @@ def test_stores(tmp_path: Path, write_sphere: Write, frames: C3VD) -> None:
     assert [finding.fault for finding in check_store(store, fast=True)] == [True]
     (store / "cecum_t1_a" / "index.json").write_text("{")
     assert [finding.fault for finding in check_store(store, fast=True)] == [True]
-    assert "no such folder" in check_store(tmp_path / "nowhere", fast=True)[0].text
+    assert str(tmp_path / "nowhere") in check_store(tmp_path / "nowhere", fast=True)[0].text

@@ -8,6 +8,8 @@ import cv2
 import numpy as np
 import pytest
 import torch
+from pydantic import ValidationError
+from refusals import refused
 from torch.utils.data import default_collate
 
 from col3d.batch import Batch
@@ -15,7 +17,7 @@ from col3d.data.datasets.c3vd import C3VD
 from col3d.data.datasets.octagon import octagon_mask
 from col3d.data.datasets.release import camera_to_world, disagreement, standard_normals
 from col3d.data.files.image_files import read_grey, read_rgb
-from col3d.errors import DataError
+from col3d.errors import DataError, OptionError
 from col3d.geometry import OmnidirectionalCamera, PinholeCamera, angle_between
 from col3d.registry import DATASETS
 
@@ -50,7 +52,7 @@ def test_old_normals_that_look_away_get_their_z_back(write_video, look, lens) ->
 
 @pytest.mark.parametrize(("release", "other"), [("current", "pre_2023_05"), ("pre_2023_05", "current")])
 def test_the_wrong_release_is_refused(write_video, lens, release: str, other: str) -> None:
-    with pytest.raises(DataError, match=rf"_normals\.tiff: .*data\.release={other}.*current.*pre_2023_05"):
+    with refused(DataError, None, "_normals.tiff: ", f"data.release={other}", "current", "pre_2023_05"):
         C3VD(write_video(release=release), ["cecum_t1_a"], release=other, camera=lens)
 
 
@@ -64,7 +66,7 @@ def test_normals_of_another_scene_are_refused(write_video, look, lens) -> None:
     noise = np.random.default_rng(0).integers(1, 65535, (108, 135, 3), dtype=np.uint16)
     for path in root.glob("*/*_normals.tiff"):
         cv2.imwrite(str(path), noise)
-    with pytest.raises(DataError, match=r"0001_normals\.tiff: normals do not follow data\.release=auto"):
+    with refused(DataError, root / "cecum_t1_a" / "0001_normals.tiff", "data.release=auto"):
         C3VD(root, ["cecum_t1_a"], camera=lens)
 
 
@@ -143,7 +145,7 @@ def test_derived_normals(write_video, look, lens) -> None:
     assert item["mask"].float().mean() > 0.8
     assert angles.median() < 0.1
     assert "normals" not in C3VD(root, ["cecum_t1_a"], normals="none", camera=lens)[0]
-    with pytest.raises(DataError, match=r"frame 0 has no 0000_normals\.tiff; data\.normals=derived"):
+    with refused(DataError, root / "cecum_t1_a", "frame 0 ", "0000_normals.tiff", "data.normals=derived"):
         C3VD(root, ["cecum_t1_a"], camera=lens)
 
 
@@ -154,7 +156,7 @@ def test_ranges_and_labels_and_several_videos(write_video, lens) -> None:
     found = [(frame.video, frame.number) for frame in frames.frames]
     assert found == [*(("cecum_t1_a", n) for n in (1, 2, 3)), ("trans_t4_a", 0), ("trans_t4_a", 1)]
     assert frames.releases == {"cecum_t1_a": "current", "trans_t4_a": "pre_2023_05"}
-    with pytest.raises(DataError, match=r"cecum_t1_a: no frames"):
+    with refused(DataError, root / "cecum_t1_a", "no frames"):
         C3VD(root, ["cecum_t1_a:7-9"], camera=lens)
 
 
@@ -189,26 +191,26 @@ def test_poses_act_on_columns(write_video, lens, release: str) -> None:
 def test_a_malformed_pose_file_is_named(write_video, lens, text: str) -> None:
     root = write_video()
     (root / "cecum_t1_a" / "pose.txt").write_text(text)
-    with pytest.raises(DataError, match=r"pose\.txt: expected lines of 16 comma-separated numbers"):
+    with refused(DataError, root / "cecum_t1_a" / "pose.txt", "lines of 16"):
         C3VD(root, ["cecum_t1_a"], camera=lens).poses("cecum_t1_a")
 
 
 def test_lines_that_split_a_matrix_are_refused(write_video, lens) -> None:
     root = write_video()
     (root / "cecum_t1_a" / "pose.txt").write_text("1,0,0,0,0,1,0,0\n0,0,1,0,5,6,7,1\n")
-    with pytest.raises(DataError, match=r"pose\.txt: expected lines of 16"):
+    with refused(DataError, root / "cecum_t1_a" / "pose.txt", "lines of 16"):
         C3VD(root, ["cecum_t1_a"], camera=lens).poses("cecum_t1_a")
 
 
 def test_a_missing_pose_file_is_named(write_video, lens) -> None:
     root = write_video()
     (root / "cecum_t1_a" / "pose.txt").unlink()
-    with pytest.raises(DataError, match=r"cecum_t1_a/pose\.txt"):
+    with refused(DataError, root / "cecum_t1_a" / "pose.txt"):
         C3VD(root, ["cecum_t1_a"], camera=lens).poses("cecum_t1_a")
 
 
 def test_no_pose_is_one_without_its_last_row() -> None:
-    with pytest.raises(ValueError, match="neither the last row nor the last column"):
+    with refused(ValueError, None, "row", "column", "(0, 0, 0, 1)"):
         camera_to_world(np.ones((2, 16)))
 
 
@@ -220,7 +222,7 @@ def test_only_files_that_are_read_are_checked(write_video, lens, kind: str, need
     root = write_video()
     (root / "cecum_t1_a" / f"0001_{kind}").write_bytes(b"junk")
     if needed:
-        with pytest.raises(DataError, match=r"0001_depth\.tiff: not a readable image"):
+        with refused(DataError, root / "cecum_t1_a" / "0001_depth.tiff", "readable"):
             C3VD(root, ["cecum_t1_a"], normals="none", camera=lens)
     else:
         assert len(C3VD(root, ["cecum_t1_a"], normals="none", camera=lens)) == 3
@@ -229,29 +231,29 @@ def test_only_files_that_are_read_are_checked(write_video, lens, kind: str, need
 def test_two_files_of_one_frame_are_refused(write_video, lens) -> None:
     root = write_video("cecum_t1_a")
     (root / "cecum_t1_a" / "1_color.png").write_bytes((root / "cecum_t1_a" / "0001_color.png").read_bytes())
-    with pytest.raises(DataError, match=r"1_color\.png: the same frame as 0001_color\.png"):
+    with refused(DataError, root / "cecum_t1_a" / "1_color.png", " 0001_color.png"):
         C3VD(root, ["cecum_t1_a"], camera=lens)
 
 
 def test_missing_and_unknown_folders(write_video, lens, tmp_path: Path) -> None:
-    with pytest.raises(DataError, match=r"data\.root=.*nowhere: no such folder"):
+    with refused(DataError, f"data.root={tmp_path / 'nowhere'}"):
         C3VD(tmp_path / "nowhere", ["cecum_t1_a"], camera=lens)
     root = write_video()
     (root / ".partial-sigmoid").mkdir()
     (root / "readme.txt").touch()
     assert list(C3VD.video_folders(root)) == ["cecum_t1_a"]
-    with pytest.raises(DataError, match=r"'cecum_t1_aa' is neither.*did you mean 'cecum_t1_a'"):
+    with refused(DataError, None, "video 'cecum_t1_aa'", "'cecum_t1_a'"):
         C3VD(root, ["cecum_t1_aa"], camera=lens)
-    with pytest.raises(DataError, match=r"desc_t4_a: no such video"):
+    with refused(DataError, root / "desc_t4_a", "no such video"):
         C3VD(root, ["desc_t4_a"], camera=lens)
     (root / "desc_t4_a").mkdir()
-    with pytest.raises(DataError, match=r"desc_t4_a: no frames"):
+    with refused(DataError, root / "desc_t4_a", "no frames"):
         C3VD(root, ["desc_t4_a"], camera=lens)
 
 
 def test_a_name_that_is_not_utf8_is_refused(tmp_path: Path) -> None:
     (tmp_path / os.fsdecode(b"clip\xff")).mkdir()
-    with pytest.raises(DataError, match=r"clip.*: the name of this folder is not UTF-8; rename it"):
+    with refused(DataError, repr(os.fsdecode(b"clip\xff")), "UTF-8"):
         C3VD(tmp_path, ["cecum_t1_a"])
 
 
@@ -269,9 +271,9 @@ def test_folders_are_looked_for_once(write_video, lens, monkeypatch: pytest.Monk
 
 
 def test_unknown_options(write_video, lens) -> None:
-    with pytest.raises(ValueError, match=r"data\.normals: 'store' is unknown; did you mean 'stored'"):
+    with refused(OptionError, "data.normals", "'store'", "'stored'"):
         C3VD(write_video(), ["cecum_t1_a"], camera=lens, normals="store")
-    with pytest.raises(ValueError, match="Input should be 'auto', 'current' or 'pre_2023_05'"):
+    with refused(ValidationError, None, "release", "'auto', 'current' or 'pre_2023_05'"):
         DATASETS["c3vd"].options().model_validate({"release": "curent"})
 
 
@@ -368,5 +370,5 @@ def test_occlusion_is_read_where_it_is_stored(write_video, lens) -> None:
     assert found is not None
     assert torch.equal(found[0], torch.from_numpy(hidden > 0))
     assert cv2.imwrite(str(root / "cecum_t1_a" / "0002_occlusion.png"), hidden[:50])
-    with pytest.raises(DataError, match=r"0002_occlusion\.png: expected uint8 of shape"):
+    with refused(DataError, root / "cecum_t1_a" / "0002_occlusion.png", "uint8 of shape"):
         frames.occlusion(2)

@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 import torch
+from refusals import refused
 
 from col3d.data.datasets.c3vdv2 import C3VDv2
 from col3d.data.splits import expand
@@ -45,13 +46,13 @@ def test_frames_are_read_from_their_folders(root: Path, lens: Any, look: Any) ->
 
 def test_its_lens_is_its_own(root: Path) -> None:
     assert C3VDv2(root, []).camera == OmnidirectionalCamera.c3vdv2()
-    with pytest.raises(DataError, match=r"0000\.png: expected 1080 x 1350 pixels"):
+    with refused(DataError, root / "c1_cecum_t1_v1" / "rgb" / "0000.png", "1080 x 1350"):
         C3VDv2(root, ["c1_cecum_t1_v1"])
 
 
 def test_a_missing_file_is_named_with_its_folder(root: Path, lens: Any) -> None:
     (root / "c2_desc_t2_v1" / "normals" / "0001_normals.tiff").unlink()
-    with pytest.raises(DataError, match=r"c2_desc_t2_v1: frame 1 has no normals/0001_normals\.tiff"):
+    with refused(DataError, root / "c2_desc_t2_v1", "frame 1 ", "normals/0001_normals.tiff"):
         C3VDv2(root, ["c2_desc_t2_v1"], camera=lens)
 
 
@@ -59,5 +60,5 @@ def test_wildcards_name_its_videos(root: Path) -> None:
     present = list(C3VDv2.video_folders(root))
     assert expand(["c1_*", "c2_desc_t2_v1"], present) == ["c1_cecum_t1_v1", "c2_desc_t2_v1"]
     assert expand(["c?_*"], present) == present
-    with pytest.raises(DataError, match=r"'x\*': no video of data\.root matches"):
+    with refused(DataError, "split entry 'x*'", "data.root"):
         expand(["x*"], present)

@@ -7,6 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from refusals import refused
 
 from col3d.data.cache import folder_of
 from col3d.data.datasets.c3vd import C3VD
@@ -54,7 +55,7 @@ def test_numbers(images: list[str], depths: list[str], offset: int | None, expec
 
 
 def test_numbers_that_begin_far_apart_are_asked_about() -> None:
-    with pytest.raises(DataError, match=r"from 5, depth from 0; data\.layout\.depth_offset=-5 pairs"):
+    with refused(DataError, None, "from 5", "from 0", "data.layout.depth_offset=-5"):
         pairs(["5", "6"], ["0", "1"])
 
 
@@ -95,7 +96,7 @@ def test_time_stamps_as_a_slow_search_pairs_them() -> None:
 
 
 def test_time_stamps_too_far_apart_are_refused() -> None:
-    with pytest.raises(DataError, match=r"within 0\.02 s of an image, the nearest is 0\.250 s away"):
+    with refused(DataError, None, "0.02 s", "0.250 s"):
         pairs(["10.0", "11.0"], ["10.25"])
 
 

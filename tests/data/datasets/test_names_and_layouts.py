@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 import torch
+from refusals import refused
 
 from col3d.data.datasets.c3vd import C3VD
 from col3d.data.datasets.c3vdv2 import C3VDv2
@@ -104,7 +105,7 @@ def test_saturated_flow_does_not_count(write_video: Write, lens: Any) -> None:
 def test_two_folders_of_one_video(write_video: Write, lens: Any) -> None:
     write_video("cecum_t1_a")
     root = write_video("c0_cecum_t1_v1")
-    with pytest.raises(DataError, match=r"cecum_t1_a: the same video as c0_cecum_t1_v1; keep one of them"):
+    with refused(DataError, root / "cecum_t1_a", "c0_cecum_t1_v1"):
         C3VD(root, ["cecum_t1_a"], camera=lens)
 
 
@@ -116,9 +117,7 @@ def test_a_frame_in_both_layouts(write_video: Write, lens: Any) -> None:
     (root / "cecum_t1_a" / "rgb" / "0002.png").write_bytes(
         (root / "cecum_t1_a" / "rgb" / "0001.png").read_bytes()
     )
-    with pytest.raises(
-        DataError, match=r"rgb/0002\.png: the same frame as 0002_color\.png; keep one of them"
-    ):
+    with refused(DataError, root / "cecum_t1_a" / "rgb" / "0002.png", "0002_color.png"):
         C3VD(root, ["cecum_t1_a"], camera=lens)
 
 
@@ -134,25 +133,21 @@ def test_an_archive_that_wraps_a_folder(write_video: Write, lens: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "name", "message"),
+    ("kind", "name", "named"),
     [
-        (C3VD, "c1_cecum_t1_v1", r"c1_cecum_t1_v1 is a video of c3vdv2, .*take data=c3vdv2"),
-        (C3VDv2, "cecum_t1_a", r"c0_cecum_t1_v1 is a video of c3vd, .*take data=c3vd,"),
-        (
-            C3VDv2,
-            "c1_cecum_t1_v4",
-            r"c1_cecum_t1_v4 is a deformation video, .* no depth; col3d predict and col3d fuse",
-        ),
-        (C3VDv2, "c1_full_t1_v1", r"c1_full_t1_v1 is a screening video"),
-        (C3VD, "screening_t1", r"screening_t1 is a screening video"),
-        (C3VD, "c0_full_t1_v1", r"screening_t1 is a screening video"),
+        (C3VD, "c1_cecum_t1_v1", ("c1_cecum_t1_v1 ", "data=c3vdv2")),
+        (C3VDv2, "cecum_t1_a", ("c0_cecum_t1_v1 ", "data=c3vd,")),
+        (C3VDv2, "c1_cecum_t1_v4", ("c1_cecum_t1_v4 ", "deformation", "col3d predict", "col3d fuse")),
+        (C3VDv2, "c1_full_t1_v1", ("c1_full_t1_v1 ", "screening ")),
+        (C3VD, "screening_t1", ("screening_t1 ", "screening ")),
+        (C3VD, "c0_full_t1_v1", ("screening_t1 ", "screening ")),
     ],
 )
 def test_videos_that_cannot_serve_are_refused_by_name(
-    write_video: Write, lens: Any, kind: type[C3VD], name: str, message: str
+    write_video: Write, lens: Any, kind: type[C3VD], name: str, named: tuple[str, ...]
 ) -> None:
     root = write_video(name)
-    with pytest.raises(DataError, match=f"split entry '{name}': {message}"):
+    with refused(DataError, f"split entry '{name}'", *named):
         kind(root, [name], camera=lens)
 
 
@@ -173,7 +168,7 @@ def test_images_and_poses_of_a_video_without_truth(write_video: Write, lens: Any
 def test_ranges_beyond_the_end(write_video: Write, lens: Any, entry: str, last: int) -> None:
     write_video("mine")
     root = write_video("cecum_t1_a")
-    with pytest.raises(DataError, match=rf"split entry '.*': the last frame of \w+ is {last}"):
+    with refused(DataError, None, "split entry '", f" is {last}"):
         C3VD(root, [entry], camera=lens)
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 from dataverse import zipped
+from refusals import refused
 
 from col3d.data.download import Interrupted, unpack
 from col3d.errors import DataError
@@ -40,28 +41,26 @@ def test_a_kind_of_files_is_no_wrapping(tmp_path: Path) -> None:
     "name", ["../out.txt", "a/../../out.txt", "/out.txt", "C:\\out.txt", "..\\out.txt", "a\\..\\..\\out.txt"]
 )
 def test_entries_that_lead_out_are_refused(tmp_path: Path, name: str) -> None:
-    with pytest.raises(
-        DataError, match=r"v\.zip: the entry .* leads out of its folder; nothing was unpacked"
-    ):
+    with refused(DataError, tmp_path / "v.zip", repr(name), "out of its folder"):
         unpacked(tmp_path, zipped(FILES | {name: b"x"}))
     assert [path.name for path in tmp_path.iterdir()] == ["v.zip"]
     assert not (tmp_path.parent / "out.txt").exists()
 
 
 def test_links_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match=r"the entry 'rgb/link' leads out"):
+    with refused(DataError, tmp_path / "v.zip", "'rgb/link'", "out of its folder"):
         unpacked(tmp_path, zipped(FILES, links={"rgb/link": "/etc/passwd"}))
 
 
 def test_a_file_that_is_twice_in_it_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match=r"a file is in it twice"):
+    with refused(DataError, tmp_path / "v.zip", "twice"):
         unpacked(tmp_path, zipped({"rgb\\0000.png": b"a", "rgb/0000.png": b"b", "pose.txt": b""}))
 
 
 @pytest.mark.parametrize("cut", [1, 10, 100])
 def test_a_truncated_archive_leaves_nothing(tmp_path: Path, cut: int) -> None:
     content = zipped(FILES)
-    with pytest.raises(DataError, match=r"v\.zip: not a whole archive"):
+    with refused(DataError, tmp_path / "v.zip", "not a zip file"):
         unpacked(tmp_path, content[:-cut] if cut > 1 else content[: len(content) // 2])
     assert [path.name for path in tmp_path.iterdir()] == ["v.zip"]
 
@@ -69,13 +68,13 @@ def test_a_truncated_archive_leaves_nothing(tmp_path: Path, cut: int) -> None:
 def test_damaged_contents_leave_nothing(tmp_path: Path) -> None:
     content = bytearray(zipped({"a.bin": bytes(range(256)) * 40, "pose.txt": b""}))
     content[60] ^= 0xFF
-    with pytest.raises(DataError, match=r"v\.zip: not a whole archive"):
+    with refused(DataError, tmp_path / "v.zip", "'a.bin'"):
         unpacked(tmp_path, bytes(content))
     assert [path.name for path in tmp_path.iterdir()] == ["v.zip"]
 
 
 def test_an_empty_archive_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match=r"there is no file in it"):
+    with refused(DataError, tmp_path / "v.zip", "no file"):
         unpacked(tmp_path, zipped({}))
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import tifffile
 from PIL import Image
+from refusals import refused
 
 from col3d.data.files.decode import read_rgb8, read_whole
 from col3d.data.files.image_files import check_header, read_colour
@@ -109,7 +110,7 @@ def test_a_truncated_image_is_refused_by_every_reader(name: str, kept: float, tm
     content = WHOLE[name]
     path = written(tmp_path, name, content[: int(len(content) * kept)] if kept > 0 else content[:-1])
     for read in (*READERS, lambda path: check_header(path, SIZE, None, None)):
-        with pytest.raises(DataError, match=f"{name}: "):
+        with refused(DataError, None, f"{name}: "):
             read(path)
 
 
@@ -121,7 +122,7 @@ def test_a_hole_in_the_data_is_refused_where_the_format_tells(name: str, at: flo
     start, length = int(len(content) * at), max(40, len(content) // 20)
     path = written(tmp_path, name, content[:start] + bytes(length) + content[start + length :])
     for read in READERS:
-        with pytest.raises(DataError, match=rf"{name}: cannot be decoded \(.+\); copy it again"):
+        with refused(DataError, None, f"{name}: ", "decoded ("):
             read(path)
 
 
@@ -134,7 +135,7 @@ def test_a_turned_bit_is_refused_where_there_is_a_checksum(name: str, seed: int,
     content[int(rng.integers(first, last))] ^= 1 << int(rng.integers(8))
     path = written(tmp_path, name, bytes(content))
     for read in READERS:
-        with pytest.raises(DataError, match=rf"{name}: cannot be decoded"):
+        with refused(DataError, None, f"{name}: ", "decoded ("):
             read(path)
 
 
@@ -156,7 +157,7 @@ def test_what_would_lose_range_is_no_photo(name: str, content: bytes, tmp_path: 
         lambda path: read_colour(path, SIZE),
         lambda path: check_header(path, SIZE, None, None),
     ):
-        with pytest.raises(DataError, match=rf"{name}: expected an image of 8 bits a channel, got"):
+        with refused(DataError, None, f"{name}: ", "8 bits"):
             read(path)
 
 
@@ -176,7 +177,7 @@ def test_the_small_picture_in_a_header_ends_no_jpeg(tmp_path: Path) -> None:
     content = whole[:2] + extra + whole[2:]
     check_header(written(tmp_path, "a.jpg", content), SIZE, None, None)
     path = written(tmp_path, "a.jpg", content[:-200])
-    with pytest.raises(DataError, match=r"a\.jpg: cannot be decoded \(.*truncated"):
+    with refused(DataError, path, "truncated"):
         check_header(path, SIZE, None, None)
 
 
@@ -184,7 +185,7 @@ def test_the_small_picture_in_a_header_ends_no_jpeg(tmp_path: Path) -> None:
 def test_a_data_set_takes_no_file_of_several_pictures(ending: str, tmp_path: Path) -> None:
     pages = [Image.fromarray(picture()), Image.fromarray(255 - picture())]
     pages[0].save(tmp_path / f"a.{ending}", save_all=True, append_images=pages[1:])
-    with pytest.raises(DataError, match=rf"a\.{ending}: expected one picture, got 2 pages or frames"):
+    with refused(DataError, tmp_path / f"a.{ending}", "one picture", "got 2 "):
         check_header(tmp_path / f"a.{ending}", SIZE, None, None)
 
 
@@ -198,5 +199,5 @@ def test_a_disk_that_fails_says_nothing_of_the_image(
         raise OSError(errno.EIO, "Input/output error", str(path))
 
     monkeypatch.setattr(Path, "open", fail)
-    with pytest.raises(DiskError, match=r"RGB\.png: cannot be read \(Input/output error\)"):
+    with refused(DiskError, None, "RGB.png: ", "(Input/output error)"):
         read(path)

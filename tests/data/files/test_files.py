@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 from PIL import Image
+from refusals import refused
 
 from col3d.data.datasets.c3vd import C3VD
 from col3d.data.files.image_files import check_header, read_grey, read_rgb
@@ -65,7 +66,7 @@ def test_a_bad_file_is_named_when_the_set_is_built(
 ) -> None:
     root = write_video(numbers=range(6))
     damage(root / "cecum_t1_a" / f"0005_{kind}")
-    with pytest.raises(DataError, match=rf"cecum_t1_a.*0005_{kind}"):
+    with refused(DataError, None, "cecum_t1_a", f"0005_{kind}"):
         C3VD(root, ["cecum_t1_a"], camera=lens)
 
 
@@ -77,7 +78,7 @@ def test_a_tiff_whose_header_is_whole_and_whose_pixels_are_not(write_video, lens
     Image.fromarray(cv2.imread(str(path), cv2.IMREAD_UNCHANGED)).save(path)
     assert len(C3VD(root, ["cecum_t1_a"], camera=lens)) == 3
     path.write_bytes(path.read_bytes()[:-lost])
-    with pytest.raises(DataError, match=r"0002_depth\.tiff: the file is cut off; copy it again"):
+    with refused(DataError, path, "cut off"):
         C3VD(root, ["cecum_t1_a"], camera=lens)
 
 
@@ -89,19 +90,19 @@ def test_a_file_that_spoils_later_is_named_when_it_is_read(write_video, lens, ki
     content = bytearray(path.read_bytes())
     content[len(content) // 3 : len(content) // 2] = bytes(len(content) // 2 - len(content) // 3)
     path.write_bytes(content)
-    with pytest.raises(DataError, match=rf"0002_{kind}: cannot be decoded"):
+    with refused(DataError, path, "decoded"):
         frames[2]
     path.unlink()
-    with pytest.raises(DataError, match=rf"0002_{kind}: no such file"):
+    with refused(DataError, path, "no such file"):
         frames[2]
 
 
 def test_sixteen_bit_colour_is_named(tmp_path: Path) -> None:
     path = tmp_path / "0_color.png"
     cv2.imwrite(str(path), np.ones((4, 5, 3), np.uint16))
-    with pytest.raises(DataError, match=r"0_color\.png: expected 3 channels of 8 bits, got 3 channels of 16"):
+    with refused(DataError, path, "3 channels of 8 bits", "3 channels of 16"):
         check_header(path, (4, 5), 3, 8)
-    with pytest.raises(DataError, match=r"0_color\.png: expected uint8 of shape \(4, 5, 3\), got uint16"):
+    with refused(DataError, path, "uint8 of shape (4, 5, 3)", "got uint16"):
         read_rgb(path, (4, 5), np.uint8)
-    with pytest.raises(DataError, match=r"0_color\.png: expected uint16 of shape \(4, 5\)"):
+    with refused(DataError, path, "uint16 of shape (4, 5)"):
         read_grey(path, (4, 5), np.uint16)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
+from refusals import refused
 
 from col3d.data.ahead import ahead
 from col3d.data.datasets.release import standard_normals
@@ -67,13 +68,13 @@ def test_images_of_eight_bits_become_rgb(mode: str, tmp_path: Path) -> None:
 
 def test_what_is_no_image_is_said(tmp_path: Path) -> None:
     save(tmp_path / "deep.png", 700, "I;16")
-    with pytest.raises(DataError, match=r"deep\.png: expected an image of 8 bits"):
+    with refused(DataError, tmp_path / "deep.png", "8 bits"):
         read_image(tmp_path / "deep.png")
     noise = np.random.default_rng(0).integers(0, 256, (64, 64, 3), np.uint8)
     Image.fromarray(noise).save(tmp_path / "cut.jpg")
     whole = (tmp_path / "cut.jpg").read_bytes()
     (tmp_path / "cut.jpg").write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(DataError, match=r"cut\.jpg: the file is cut off; copy it again"):
+    with refused(DataError, tmp_path / "cut.jpg", "cut off"):
         read_image(tmp_path / "cut.jpg")
     (tmp_path / "empty").mkdir()
     for given, said in (
@@ -81,10 +82,10 @@ def test_what_is_no_image_is_said(tmp_path: Path) -> None:
         ("x*.png", "matches no image"),
         ("no.png", "no such file"),
     ):
-        with pytest.raises(DataError, match=said):
+        with refused(DataError, None, tmp_path / given, said):
             image_source(str(tmp_path / given))
     (tmp_path / "clip.mp4").write_text("no video")
-    with pytest.raises(DataError, match="cannot be opened as a video"):
+    with refused(DataError, tmp_path / "clip.mp4", "video"):
         image_source(str(tmp_path / "clip.mp4"))
 
 
@@ -95,7 +96,7 @@ def test_reading_ahead_keeps_the_order_and_the_errors() -> None:
 
     reader = ahead(items(), 3)
     seen = list(islice(reader, 20))
-    with pytest.raises(OSError, match="the disk is gone"):
+    with refused(OSError, None, "the disk is gone"):
         next(reader)
     assert seen == list(range(20))
 
@@ -153,5 +154,5 @@ def test_a_disk_that_fails_is_no_broken_image(
         assert first.image is not None
         assert (second.image, reason in second.fault) == (None, True)
         return
-    with pytest.raises(DiskError, match=rf"^{tmp_path / 'b.png'}: cannot be read \({reason}\)"):
+    with refused(DiskError, tmp_path / "b.png", f"({reason})"):
         list(source)

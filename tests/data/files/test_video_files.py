@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import tifffile
 from PIL import Image
+from refusals import refused
 
 from col3d.data.files.images import image_source
 from col3d.data.files.sources import SourceImage
@@ -70,7 +71,7 @@ def test_what_is_in_a_file_makes_it_a_video(written: str, code: str, name: str, 
 def test_what_is_neither_is_refused_before_anything_else(name: str, content: bytes, tmp_path: Path) -> None:
     video(tmp_path / "real.mp4")
     (tmp_path / name).write_bytes(content)
-    with pytest.raises(DataError, match=rf"{name}: cannot be opened as a video, and is no image either"):
+    with refused(DataError, tmp_path / name, "no image either"):
         image_source(str(tmp_path / name))
 
 
@@ -93,11 +94,11 @@ def test_a_video_that_is_cut_off_says_so(name: str, tmp_path: Path) -> None:
     if name in ("a.avi", "a.mkv"):  # the others keep the table of their frames at the end
         shades, faults = read(path)
         assert 10 < len(shades) <= 40
-        assert faults == [
-            f"{path}: the file is cut off: 1000 bytes are missing, {len(shades)} frames are there"
-        ]
+        assert len(faults) == 1
+        for named in (f"{path}: ", "1000 bytes", f"{len(shades)} frames"):
+            assert named in faults[0]
     else:
-        with pytest.raises(DataError, match="cannot be opened as a video"):
+        with refused(DataError, path, "opened as a video"):
             image_source(str(path))
 
 
@@ -144,7 +145,8 @@ def test_a_container_that_is_cut_anywhere_says_so(name: str, kept: float, tmp_pa
     except DataError as error:
         faults = [str(error)]
     assert len(faults) == 1
-    assert f"the file is cut off: {missing} bytes are missing" in faults[0]
+    assert faults[0].startswith(f"{path}: ")
+    assert f" {missing} bytes " in faults[0]
 
 
 @pytest.mark.parametrize("name", SILENT)
@@ -172,16 +174,10 @@ def test_a_damaged_container_is_told_from_what_is_no_video(tmp_path: Path) -> No
     path = video(tmp_path / "a.mp4", "mp4v", 40)
     content = path.read_bytes()
     path.write_bytes(content.replace(b"moov", b"mooV"))
-    with pytest.raises(DataError) as error:
+    with refused(DataError, path, "opened as a video", "(MP4)"):
         image_source(str(path))
-    assert str(error.value) == (
-        f"{path}: cannot be opened as a video, though it begins as one (MP4): it is damaged, or of a kind "
-        "that is not taken"
-    )
     path.write_bytes(content.replace(b"avc1mp41", b"").replace(b"stsz", b"xxxx"))
-    with pytest.raises(
-        DataError, match=r"a\.mp4: no frame of it can be decoded; it is damaged, or of a kind"
-    ):
+    with refused(DataError, path, "no frame of it"):
         image_source(str(path))
 
 
@@ -229,7 +225,7 @@ def test_bytes_that_containers_announce(tmp_path: Path) -> None:
 def test_a_folder_of_videos_says_what_to_name(tmp_path: Path) -> None:
     for name in ("b.mp4", "a.MP4"):
         (tmp_path / name).touch()
-    with pytest.raises(DataError, match=r"holds no image .*; each of its 2 videos is an input.*a\.MP4"):
+    with refused(DataError, None, str(tmp_path), "2 videos", "a.MP4"):
         image_source(str(tmp_path))
 
 
@@ -257,7 +253,7 @@ def test_an_animation_that_is_cut_off_is_refused(name: str, kept: float, tmp_pat
     path = animated(tmp_path / name)
     content = path.read_bytes()
     path.write_bytes(content[: int(len(content) * kept)] if kept > 0 else content[:-1])
-    with pytest.raises(DataError, match=rf"{name}: "):
+    with refused(DataError, path):
         image_source(str(path))
 
 
@@ -303,13 +299,13 @@ def test_a_broken_page_is_named_and_the_others_are_taken(tmp_path: Path) -> None
     shades, faults = read(path)
     assert shades == [20, 60, 140, 180]
     assert len(faults) == 1
-    assert faults[0].startswith(f"{path}: cannot be decoded")
-    assert faults[0].endswith("(picture 3 of 5)")
+    assert faults[0].startswith(f"{path}: ")
+    assert "picture 3 of 5" in faults[0]
 
 
 def test_a_video_without_a_frame_that_decodes_is_refused_by_name(tmp_path: Path) -> None:
     """An AVIF is one: OpenCV opens it as a video and then has no decoder for it."""
     path = tmp_path / "photo.avif"
     Image.new("RGB", (64, 48)).save(path)
-    with pytest.raises(DataError, match=r"photo\.avif: no frame of it can be decoded"):
+    with refused(DataError, path, "no frame of it"):
         image_source(str(path))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 import trimesh
+from refusals import refused
 
 from col3d.geometry import (
     Camera,
@@ -130,5 +131,5 @@ def test_half_of_a_surface_is_accurate_and_half_complete() -> None:
     assert found["complete_within_1_mm"] == pytest.approx(0.5 + 0.5 / 30, abs=0.02)
     seen_half = compare(half, whole, 1.0, half).summary()
     assert seen_half["completeness_mean_mm"] < 1e-4
-    with pytest.raises(ValueError, match="surface: holds no triangle"):
+    with refused(ValueError, "surface", "no triangle"):
         compare(Surface(np.zeros((0, 3)), np.zeros((0, 3), np.int64)), whole, 1.0)
