@@ -14,7 +14,8 @@ from parity import needs_parity
 from tiny_run import composed
 from torch import Tensor
 
-from col3d.evaluation.options import EvaluateOptions, build_protocol
+from col3d.evaluation.options import EvaluateOptions
+from col3d.evaluation.scorer import build_protocol
 from col3d.metrics import Protocol
 from col3d.metrics.alignment import DOMAINS, FITS, alignment
 from col3d.registry.refusals import check_options

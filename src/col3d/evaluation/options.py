@@ -6,7 +6,6 @@ from pydantic import AfterValidator, Field, PositiveFloat, PositiveInt, model_va
 
 from col3d.data.options import Data, Size, Split
 from col3d.errors import check_known
-from col3d.metrics import Protocol
 from col3d.metrics.alignment import FITS, IN_WORDS
 from col3d.metrics.options import MetricOptions
 from col3d.models.published.options import Published
@@ -88,26 +87,6 @@ class ProtocolOptions(Options):
             if limits is not None and limits[0] >= limits[1]:
                 raise ValueError(f"protocol.{name}: expected [low,high] with low below high, got {limits}")
         return self
-
-
-def build_protocol(name: str, options: ProtocolOptions, metrics: MetricOptions) -> Protocol:
-    """Build the protocol of its options; `metrics` are options of metrics, over the protocol's own."""
-    low, high = options.truth_range
-    clip = None if options.clip is None else (options.clip[0], options.clip[1])
-    return Protocol(
-        name,
-        scaling=options.scaling,
-        scaling_of=options.scaling_of,
-        scaling_over=options.scaling_over,
-        truth_range=(low, high),
-        cosine_epsilon=options.cosine_epsilon,
-        normal_axes=options.normal_axes,
-        clip=clip,
-        positive=options.positive,
-        epsilon=options.epsilon,
-        names=None if options.metrics is None else tuple(options.metrics),
-        metrics={**options.metric_options, **metrics},
-    )
 
 
 Protocols = Annotated[dict[str, ProtocolOptions], Field(min_length=1)]

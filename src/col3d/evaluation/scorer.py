@@ -11,7 +11,7 @@ from torch import Tensor, nn
 
 from col3d.batch import Batch, Prediction
 from col3d.data.datamodule import FrameDataModule, Frames
-from col3d.evaluation.options import ProtocolOptions, build_protocol
+from col3d.evaluation.options import ProtocolOptions
 from col3d.evaluation.panels import ImagePanels
 from col3d.evaluation.per_frame_table import PerFrameTable
 from col3d.evaluation.predict_frames import Mirror, predict_frames, write_batch
@@ -108,6 +108,26 @@ def _frame(maps: Any, index: int) -> Any:
 
 def _constant(mean_depth: Tensor, batch: Batch) -> Prediction:
     return {"depth": mean_depth.to(batch["depth"].device).expand_as(batch["depth"])}
+
+
+def build_protocol(name: str, options: ProtocolOptions, metrics: MetricOptions) -> Protocol:
+    """Build the protocol of its options; `metrics` are options of metrics, over the protocol's own."""
+    low, high = options.truth_range
+    clip = None if options.clip is None else (options.clip[0], options.clip[1])
+    return Protocol(
+        name,
+        scaling=options.scaling,
+        scaling_of=options.scaling_of,
+        scaling_over=options.scaling_over,
+        truth_range=(low, high),
+        cosine_epsilon=options.cosine_epsilon,
+        normal_axes=options.normal_axes,
+        clip=clip,
+        positive=options.positive,
+        epsilon=options.epsilon,
+        names=None if options.metrics is None else tuple(options.metrics),
+        metrics={**options.metric_options, **metrics},
+    )
 
 
 def scorings_of(
