@@ -116,7 +116,7 @@ def test_an_evaluation_replaces_nothing_but_evaluations(tiny_checkpoint: Path, t
 def test_predictions_of_others_beside_a_checkpoint_stay(tiny_checkpoint: Path, tmp_path: Path) -> None:
     checkpoint = Path(shutil.copy(tiny_checkpoint, tmp_path / "best.ckpt"))
     mine = put(tmp_path / "predictions_test" / "index.json", '{"mine": "precious"}')
-    place = ("accelerator=cpu", "panels=0", "predictions=true")
+    place = ("accelerator=cpu", "panels=0", "keep_predictions=true")
     with refused(UserError, None, f"{mine.parent} holds index.json"):
         evaluate(composed("evaluate", f"checkpoint={checkpoint}", *place))
     assert "precious" in mine.read_text()

@@ -117,7 +117,7 @@ def test_an_evaluation_that_is_stopped_leaves_no_tables(signum: int, tmp_path: P
         *("checkpoint=shipped", "accelerator=cpu", "data=phantom", "data/split=custom", "data.test=null"),
         *("data.split.train=[]", "data.split.val=[]", "data.split.test=[cecum_t1_a]", "panels=1"),
         *(
-            "predictions=true",
+            "keep_predictions=true",
             "phantom.size=[64,80]",
             "phantom.frames_per_video=60",
             f"data.root={tmp_path / 'frames'}",

@@ -110,7 +110,7 @@ def test_a_run_and_an_evaluation_under_several_protocols_agree_to_the_bit(
         tmp_path / "run" / "checkpoints" / "best.ckpt",
         f"protocol=[{','.join(several)}]",
         f"output_dir={tmp_path / 'scored'}",
-        "predictions=true",
+        "keep_predictions=true",
         "workers=1",
     )
     tables = {name: (tmp_path / "scored" / name / "per_frame.csv").read_bytes() for name in several}

@@ -20,12 +20,14 @@ class SizedFrames(Dataset[dict[str, Any]], ABC):
     Attributes:
         cameras: cameras of the frames, at their size; `QuantizedBatch.lens` is an index of these.
         videos: name of the video of each frame, in order.
+        numbers: number of each frame inside its video.
         releases: release of the data set that a video's files follow, by video; empty where there is none.
         dense_truth: see `FrameSet`.
     """
 
     cameras: tuple[Camera, ...]
     videos: list[str]
+    numbers: list[int]
     releases: dict[str, str]
     dense_truth: bool
 
@@ -50,6 +52,7 @@ class Resized(SizedFrames):
         self.resize = Resize(size_hw, frames.camera)
         self.cameras = (self.resize.resized_camera,)
         self.videos = [frame.video for frame in frames.frames]
+        self.numbers = [frame.number for frame in frames.frames]
         self.releases = dict(frames.releases)
 
     def codes(self, indices: Sequence[int]) -> QuantizedBatch:
@@ -85,6 +88,7 @@ class Joined(SizedFrames):
         self.dense_truth = all(part.dense_truth for part in parts)
         self.cameras = tuple(camera for part in parts for camera in part.cameras)
         self.videos = [video for part in parts for video in part.videos]
+        self.numbers = [number for part in parts for number in part.numbers]
         self.releases = {video: release for part in parts for video, release in part.releases.items()}
         self.places = [(n, i) for n, part in enumerate(parts) for i in range(len(part))]
 

@@ -4,21 +4,25 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 from col3d.data.build import sized_frames
 from col3d.data.checks.truth import has_truth
 from col3d.data.datamodule import FrameDataModule, Frames
 from col3d.errors import UserError
 from col3d.evaluation.options import EvaluateOptions, ProtocolOptions
 from col3d.evaluation.predict_frames import Mirror
+from col3d.evaluation.prediction_files import matched_files
 from col3d.evaluation.protocol_truth import own_truths
 from col3d.evaluation.results import Results, facts_of
-from col3d.evaluation.scorer import score_network, scorings_of
-from col3d.evaluation.setup import EvaluationSetup, evaluation_setup
+from col3d.evaluation.scorer import score, score_network, scorings_of
+from col3d.evaluation.setup import EvaluationSetup, evaluation_setup, method_of, options_of_files
 from col3d.inference.compiled import compile_network
 from col3d.inference.trained_network import SHIPPED
+from col3d.io.atomic import write_whole
 from col3d.io.ownership import Owned
 from col3d.io.predictions import PredictionWriter, owned_predictions
-from col3d.layers.network import measured_tasks
+from col3d.layers.network import parameters_of
 from col3d.metrics.measure import try_metrics
 from col3d.registry.refusals import check_options
 from col3d.reports.run_page import PAGE, write_run_page
@@ -27,7 +31,7 @@ from col3d.runs.environment import check_accelerator, device_for, quiet
 from col3d.runs.known_failures import as_user_errors
 from col3d.signals import StopSignals, stoppable
 
-KIND = "evaluation"
+KIND, CONFIG = "evaluation", "config.yaml"
 FILES = ("summary.json", "per_frame.csv", PAGE)
 """Files that an evaluation writes, beside pictures and predictions."""
 
@@ -55,9 +59,10 @@ def evaluate(given: Mapping[str, Any]) -> None:
 def _evaluate(options: EvaluateOptions, stop: StopSignals) -> None:
     setup = evaluation_setup(options)
     height, width = setup.data.size
-    try_metrics(measured_tasks(setup.network), (height, width), options.metrics)
+    try_metrics(setup.tasks, (height, width), options.metrics)
     frames = sized_frames(setup.data, setup.phantom, options.split, setup.data.size)
-    setup.scored.print_audit()
+    if setup.network is not None:
+        setup.scored.print_audit()
     for name in options.protocol:
         Owned(_folder(options, name), KIND, "output_dir").check(FILES)
     truths = own_truths(options.protocol, setup.data, setup.phantom, options.split, setup.data.size)
@@ -65,16 +70,15 @@ def _evaluate(options: EvaluateOptions, stop: StopSignals) -> None:
         _check_truth(truths[name] or frames, name, protocol, setup, options)
     device = device_for(options.accelerator)
     results = {name: _results(setup, options, name, len(frames)) for name in options.protocol}
-    if options.compile:
-        compile_network(setup.network, trained=True)
-    score_network(
-        setup.network,
-        FrameDataModule({"test": frames}, setup.data.batch_size, setup.data.workers),
-        device,
-        scorings_of(options.protocol, options.metrics, results, truths, setup.data.workers, device),
-        setup.mean_depth,
-        _writers(setup, options),
-    )
+    module = FrameDataModule({"test": frames}, setup.data.batch_size, setup.data.workers)
+    scorings = scorings_of(options.protocol, options.metrics, results, truths, setup.data.workers, device)
+    if setup.network is None:
+        files = matched_files(options, frames)
+        score(map(files.predicted, module.frames_in_order("test", device)), scorings)
+    else:
+        if options.compile:
+            compile_network(setup.network, trained=True)
+        score_network(setup.network, module, device, scorings, setup.mean_depth, _writers(setup, options))
     stop.hold()  # for the seconds in which the files are written
     for result in results.values():
         _write(setup, options, result)
@@ -104,7 +108,7 @@ def _results(setup: EvaluationSetup, options: EvaluateOptions, name: str, frames
 
 def _writers(setup: EvaluationSetup, options: EvaluateOptions) -> dict[Mirror, PredictionWriter]:
     """Make a writer of predictions for each way of mirroring; none unless they are requested."""
-    if not options.predictions:
+    if not options.keep_predictions:
         return {}
     writers: dict[Mirror, PredictionWriter] = {}
     for mirror in dict.fromkeys(protocol.mirror for protocol in options.protocol.values()):
@@ -117,17 +121,21 @@ def _writers(setup: EvaluationSetup, options: EvaluateOptions) -> dict[Mirror, P
 
 def _write(setup: EvaluationSetup, options: EvaluateOptions, results: Results) -> None:
     """Write the files of one protocol."""
-    folder, checkpoint = results.folder, Path(options.checkpoint)
-    Owned(folder, KIND, "output_dir").claim(*FILES)
+    folder, network = results.folder, setup.network
+    names = FILES if network is not None else (*FILES, CONFIG)
+    Owned(folder, KIND, "output_dir").claim(*names)
     results.table.save()
-    summary = results.write(setup.network, checkpoint, {})
+    parameters = 0 if network is None else parameters_of(network)
+    summary = results.write(Path(options.predictions or options.weights), parameters, {})
+    if network is None:  # with which a report takes it for a run
+        write_whole(folder / CONFIG, yaml.safe_dump(options_of_files(options, setup), sort_keys=False))
     decorations = Decorations("the result stands; the same command makes it again")
     with decorations.attempt("panels"):
         results.panels.clear()
         results.panels.draw()
     with decorations.attempt(PAGE):
         write_run_page(folder)
-    results.show(summary, checkpoint)
+    results.show(summary)
 
 
 def _folder(options: EvaluateOptions, protocol: str) -> Path:
@@ -139,16 +147,18 @@ def _folder(options: EvaluateOptions, protocol: str) -> Path:
 
 
 def _run(options: EvaluateOptions) -> Path:
-    """Return the folder of the run that the checkpoint belongs to."""
+    """Return the folder of the run that the checkpoint belongs to, or of the method that predicted files."""
+    if options.predictions is not None:
+        return Path("runs") / method_of(options)
     if options.checkpoint == SHIPPED:
         return Path("runs") / SHIPPED
-    folder = Path(options.checkpoint).parent
+    folder = options.weights.parent
     return folder.parent if folder.name == "checkpoints" else folder
 
 
 def _name(kind: str, options: EvaluateOptions, variant: str | None) -> str:
     """Make a folder's name of its kind, the weights, other data, the part, and the protocol or mirroring."""
-    stem = Path(options.checkpoint).stem
+    stem = "best" if options.predictions is not None else options.weights.stem
     weights = f"{options.published}_{stem}" if options.published else None if stem == "best" else stem
     other = options.data and f"{options.data.name}_{options.data.split.name}"
     return "_".join(part for part in (kind, weights, other, options.split, variant) if part)

@@ -1,5 +1,6 @@
 """Options of `col3d evaluate`, and of the protocols that predictions are scored under."""
 
+from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, PositiveFloat, PositiveInt, model_validator
@@ -93,13 +94,34 @@ Protocols = Annotated[dict[str, ProtocolOptions], Field(min_length=1)]
 """Options of protocols by name: `protocol=standard`, or `protocol=[standard,published]` for several."""
 
 
+def _numbered(name: str | None) -> str | None:
+    if name is not None and name.count("{}") != 1:
+        raise ValueError(f"expected {{}} once, in the place of the number; got {name!r}")
+    return name
+
+
+class ReadingOptions(Options):
+    """How files of predictions are named, and what their numbers mean."""
+
+    name: str | None = None
+    depth: Annotated[str | None, AfterValidator(_numbered)] = None
+    normals: Annotated[str | None, AfterValidator(_numbered)] = None
+    holds: Literal["depth", "inverse_depth"] = "depth"
+    unit: PositiveFloat | None = 1.0
+    axes: Literal["standard", "opengl"] = "standard"
+    order: Literal["number", "position"] = "number"
+
+
 class EvaluateOptions(Options):
     """Everything that `col3d evaluate` takes; what is null stays as the checkpoint was trained.
 
     `data` and `phantom` may be left out; `published` names the program whose weights the checkpoint holds.
+    `predictions`, a folder of what another program predicted, is scored in the place of a checkpoint.
     """
 
-    checkpoint: str
+    checkpoint: str | None
+    predictions: str | None
+    reading: ReadingOptions
     published: Published | None
     max_depth: PositiveFloat | None
     size: Size | None
@@ -109,7 +131,7 @@ class EvaluateOptions(Options):
     output_dir: str | None
     split: Split
     panels: Annotated[int, Field(ge=0)]
-    predictions: bool
+    keep_predictions: bool
     root: str | None
     batch_size: PositiveInt | None
     workers: Annotated[int, Field(ge=0)] | None
@@ -117,8 +139,20 @@ class EvaluateOptions(Options):
     compile: bool
     metrics: MetricOptions
 
+    @property
+    def weights(self) -> Path:
+        """The checkpoint's path."""
+        assert self.checkpoint is not None, "predictions are scored without one"
+        return Path(self.checkpoint)
+
     @model_validator(mode="after")
     def _fits(self) -> "EvaluateOptions":
+        if (self.checkpoint is None) == (self.predictions is None):
+            raise ValueError(
+                "checkpoint: a value is needed; give checkpoint=PATH, or predictions=FOLDER instead"
+            )
+        if self.predictions is not None:
+            self._files_fit()
         if self.max_depth is not None and self.published is None:
             raise ValueError("max_depth: only for published weights; our checkpoints store it")
         if self.data is not None:
@@ -126,3 +160,23 @@ class EvaluateOptions(Options):
             if self.data.test or self.data.also:
                 raise ValueError("data.test, data.also: are of trainings; col3d evaluate scores on data=...")
         return self
+
+    def _files_fit(self) -> None:
+        """Refuse options that need a network, and predictions without a unit whose scale nothing fits."""
+        if self.data is None:
+            raise ValueError("data: predictions do not say what to score them on; take data=c3vd or another")
+        network = {"published": self.published, "max_depth": self.max_depth}
+        network |= {"compile": self.compile, "keep_predictions": self.keep_predictions}
+        for name, value in network.items():
+            if value:
+                raise ValueError(f"{name}: is of a network, and predictions={self.predictions} has none")
+        for name, protocol in self.protocol.items():
+            if protocol.mirror is not None:
+                raise ValueError(
+                    f"protocol: {name} predicts mirrored frames, for which it needs a checkpoint"
+                )
+            if self.reading.unit is None and protocol.scaling == "none":
+                raise ValueError(
+                    f"reading.unit: null is for depth up to scale, and protocol {name} fits none; take "
+                    "protocol=median_scaled, scale_and_shift or another that does"
+                )

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from lightning.pytorch.loggers import Logger, MLFlowLogger, TensorBoardLogger, WandbLogger
 from PIL import Image
-from torch import nn
 
 from col3d.data.datasets.videos import describe
 from col3d.evaluation.options import ProtocolOptions
@@ -83,12 +82,18 @@ class Results:
 
     def write(
         self,
-        network: nn.Module,
-        checkpoint: Path,
+        source: Path,
+        parameters: int,
         best: Mapping[str, float],
         loggers: Sequence[Logger] = (),
     ) -> dict[str, Any]:
         """Write summary.json and the last row of the loggers' tables, and return the summary.
+
+        Args:
+            source: checkpoint, or folder of predictions.
+            parameters: number of parameters of the network; 0 if unknown.
+            best: scores of the best epoch.
+            loggers: loggers of the run.
 
         Raises:
             UserError: no frame has a pixel of valid depth under the protocol.
@@ -97,10 +102,10 @@ class Results:
             **self.facts,
             **look_of(str(self.facts["model"])),
             **self.context,
-            "checkpoint": str(checkpoint),
+            "checkpoint": str(source),
             "best": dict(best),
             "baseline": means(self.table.baseline, self.average, self.table.specs),
-            "parameters": sum(p.numel() for p in network.parameters()),
+            "parameters": parameters,
             "cost": None,
             **provenance(),
         }
@@ -118,13 +123,14 @@ class Results:
         logger.save()
         _show_pictures(logger, self.panels.paths)
 
-    def show(self, summary: Mapping[str, Any], checkpoint: Path) -> None:
-        """Print the table and the paths of the files."""
+    def show(self, summary: Mapping[str, Any], checkpoint: Path | None = None) -> None:
+        """Print the table and the paths of the files, with the checkpoint of a training."""
         print_summary(summary)
         wrote = [
             self.folder / name for name in (PAGE, SUMMARY, "per_frame.csv", "metrics.csv", "config.yaml")
         ]
-        lines = [str(path) for path in (*wrote, self.folder / "panels", checkpoint) if path.exists()]
+        wrote += [self.folder / "panels", *([] if checkpoint is None else [checkpoint])]
+        lines = [str(path) for path in wrote if path.exists()]
         print("wrote", *lines, sep="\n  ", flush=True)
 
 

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from torch import Tensor, nn
 
@@ -11,15 +12,18 @@ from col3d.errors import UserError
 from col3d.evaluation.options import EvaluateOptions
 from col3d.evaluation.scored_part import Scored
 from col3d.inference.trained_network import MAX_DEPTH, published_network, trained_network
+from col3d.layers.network import measured_tasks
 from col3d.phantom.options import PhantomOptions
 from col3d.runs.trained import mean_depth
 
 
 @dataclass(frozen=True)
 class EvaluationSetup:
-    """A network in evaluation mode, and its data."""
+    """A network in evaluation mode, or what files of predictions are named after, and the data."""
 
-    network: nn.Module
+    network: nn.Module | None
+    """None where files of predictions are scored."""
+    tasks: tuple[str, ...]
     name: str
     seed: int
     max_depth: float
@@ -37,7 +41,9 @@ def evaluation_setup(options: EvaluateOptions) -> EvaluationSetup:
     Raises:
         UserError: the checkpoint is none of those, or the data are not given.
     """
-    path = Path(options.checkpoint)
+    if options.predictions is not None:
+        return _of_files(options)
+    path = options.weights
     return _published(path, options) if options.published else _trained(path, options)
 
 
@@ -51,7 +57,15 @@ def _trained(path: Path, options: EvaluateOptions) -> EvaluationSetup:
     scored = Scored(data, options.split, data.size, Scored.after(trained.data, options.split).trained)
     mean = mean_depth(loaded.depth_seen)
     return EvaluationSetup(
-        loaded.network, model.name, trained.seed, model.max_depth, mean, data, phantom, scored
+        loaded.network,
+        measured_tasks(loaded.network),
+        model.name,
+        trained.seed,
+        model.max_depth,
+        mean,
+        data,
+        phantom,
+        scored,
     )
 
 
@@ -71,7 +85,42 @@ def _published(path: Path, options: EvaluateOptions) -> EvaluationSetup:
     data = _with_overrides(options.data, options, options.phantom)
     scored = Scored.after(data, options.split)
     depth = options.max_depth or MAX_DEPTH
-    return EvaluationSetup(network.eval(), options.published, 0, depth, None, data, options.phantom, scored)
+    return EvaluationSetup(
+        network.eval(),
+        measured_tasks(network),
+        options.published,
+        0,
+        depth,
+        None,
+        data,
+        options.phantom,
+        scored,
+    )
+
+
+def _of_files(options: EvaluateOptions) -> EvaluationSetup:
+    """Set up the data that another program predicted."""
+    assert options.data is not None
+    data = _with_overrides(options.data, options, options.phantom)
+    tasks = ("depth", "normals") if options.reading.normals else ("depth",)
+    scored = Scored(data, options.split, data.size, ())
+    return EvaluationSetup(None, tasks, method_of(options), 0, MAX_DEPTH, None, data, options.phantom, scored)
+
+
+def method_of(options: EvaluateOptions) -> str:
+    """Name of the method that predicted files."""
+    assert options.predictions is not None
+    return options.reading.name or Path(options.predictions).resolve().name
+
+
+def options_of_files(options: EvaluateOptions, setup: EvaluationSetup) -> dict[str, Any]:
+    """What a report reads of a run: here, which method predicted, and on which data."""
+    return {
+        "model": {"name": setup.name},
+        "loss": {"terms": {}, "lambdas": []},
+        "data": setup.data.model_dump(mode="json"),
+        "predictions": {"folder": options.predictions, **options.reading.model_dump(mode="json")},
+    }
 
 
 def _with_overrides(data: DataOptions, options: EvaluateOptions, phantom: PhantomOptions) -> DataOptions:

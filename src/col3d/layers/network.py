@@ -20,6 +20,11 @@ def predicts(network: nn.Module, otherwise: tuple[str, ...] = ("depth",)) -> tup
     return tuple(getattr(network, "tasks", otherwise))
 
 
+def parameters_of(network: nn.Module) -> int:
+    """Number of parameters."""
+    return sum(parameter.numel() for parameter in network.parameters())
+
+
 def measured_tasks(network: nn.Module) -> tuple[str, ...]:
     """Tasks that are measured for a network: depth, and normals if it predicts them."""
     return ("depth", "normals") if "normals" in predicts(network) else ("depth",)

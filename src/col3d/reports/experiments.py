@@ -57,8 +57,13 @@ class Experiment:
 
 
 def benchmark_row(options: dict[str, Any]) -> str | None:
-    """Label of a run in the benchmark: the method, where it is trained with its own loss and heads."""
+    """Label of a run in the benchmark: the method, where it is trained with its own loss and heads.
+
+    Scored predictions of another program are a method, too.
+    """
     model = str(at(options, "model.name"))
+    if at(options, "predictions.folder") is not None:
+        return model
     fits = _plain(options) and loss_of(options) == OWN_LOSSES.get(model)
     return methods()[model] if fits else None
 

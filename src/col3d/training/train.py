@@ -19,6 +19,7 @@ from col3d.evaluation.results import Results, facts_of
 from col3d.evaluation.scored_part import Scored
 from col3d.inference.compiled import compile_network
 from col3d.io.atomic import write_whole
+from col3d.layers.network import parameters_of
 from col3d.losses import WeightedLoss
 from col3d.metrics.measure import try_metrics
 from col3d.registry.refusals import check_options
@@ -204,7 +205,7 @@ def _fit_and_test(
         scores = {**best.metrics, "epoch": int(trained.content["epoch"])}
         results.table.save()
         tables = [logger for logger in loggers if isinstance(logger, MetricsFile)]
-        summary = results.write(trained.network, best.path, scores, tables)
+        summary = results.write(best.path, parameters_of(trained.network), scores, tables)
         folder.finish(scores, summary["metrics"], status.seconds)
     others = [logger for logger in loggers if not isinstance(logger, MetricsFile)]
     shown = decorate(folder, results, summary, trained, others)

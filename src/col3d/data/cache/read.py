@@ -35,6 +35,7 @@ class Stored(SizedFrames):
             video.check()
         self.cameras: tuple[Camera, ...] = (self.stored[0].camera,)
         self.videos = [video.video for video, numbers in videos for _ in numbers]
+        self.numbers = [number for _, numbers in videos for number in numbers]
         self.releases = {video.video: video.release for video in self.stored}
         self.dense_truth = all(video.recipe["resize"] != SPARSE_RULE for video in self.stored)
         rows = [{number: row for row, number in enumerate(video.frames)} for video in self.stored]
