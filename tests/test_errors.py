@@ -3,16 +3,8 @@
 import pytest
 from refusals import Refusal, refusal, refused
 
-from col3d.errors import (
-    DataError,
-    DiskError,
-    DivergedError,
-    OptionError,
-    RunLockedError,
-    UserError,
-    check_known,
-    nearest_name,
-)
+from col3d.errors import DataError, DiskError, DivergedError, OptionError, RunLockedError, UserError
+from col3d.nearest_names import check_known, nearest_name
 
 NAMES = ("bts", "bts_cbam", "newcrfs")
 

@@ -1,8 +1,7 @@
-"""Exceptions, whose messages name the argument, the rule and the value, and helpers to raise them."""
+"""Exceptions, whose messages name the argument, the rule and the value; faults of disks."""
 
-import difflib
 import errno
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -75,23 +74,3 @@ def error_chain(error: BaseException) -> Iterator[BaseException]:
     while current is not None:
         yield current
         current = current.__cause__ or current.__context__
-
-
-def nearest_name(name: str, known: Iterable[str]) -> str:
-    """Return a hint such as `; did you mean 'bts'?`, or an empty string if no known name is close."""
-    close = difflib.get_close_matches(name, list(known), n=1, cutoff=0.5)
-    return f"; did you mean {close[0]!r}?" if close else ""
-
-
-def check_known(argument: str, name: str, known: Iterable[str]) -> str:
-    """Return `name` if it is one of `known`.
-
-    Raises:
-        OptionError: names the argument, the value, the nearest valid name and all valid names.
-    """
-    known = list(known)
-    if name in known:
-        return name
-    raise OptionError(
-        f"{argument}: {name!r} is unknown{nearest_name(name, known)}; known: {', '.join(known)}"
-    )

@@ -59,6 +59,9 @@ def both_ways() -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
     return {"depth": wide(direct["depth"]), "normals": wide(direct["normals"])}, back
 
 
+WAYS = {False: "mean", True: "ramp"}
+
+
 def blended(direct: np.ndarray, mirrored: np.ndarray, ramp: bool) -> np.ndarray:
     """The published post-processing."""
     mean: np.ndarray = (direct + mirrored) / 2
@@ -73,7 +76,7 @@ def blended(direct: np.ndarray, mirrored: np.ndarray, ramp: bool) -> np.ndarray:
 @either
 def test_the_average_equals_its_twin(ramp: bool) -> None:
     direct, mirrored = both_ways()
-    found = mirror_average(lopsided, BATCH, ramp)
+    found = mirror_average(lopsided, BATCH, WAYS[ramp])
     np.testing.assert_allclose(
         wide(found["depth"]), blended(direct["depth"], mirrored["depth"], ramp), rtol=1e-6
     )
@@ -84,7 +87,7 @@ def test_the_average_equals_its_twin(ramp: bool) -> None:
 
 def test_a_ramp_goes_from_the_mirrored_prediction_over_the_mean_to_the_direct_one() -> None:
     direct, mirrored = (maps["depth"] for maps in both_ways())
-    found = wide(mirror_average(lopsided, BATCH, ramp=True)["depth"])
+    found = wide(mirror_average(lopsided, BATCH, "ramp")["depth"])
     np.testing.assert_allclose(found[..., 0], mirrored[..., 0], rtol=1e-6)
     np.testing.assert_allclose(found[..., -1], direct[..., -1], rtol=1e-6)
     np.testing.assert_allclose(found[..., 4:-4], ((direct + mirrored) / 2)[..., 4:-4], rtol=1e-6)
@@ -93,14 +96,14 @@ def test_a_ramp_goes_from_the_mirrored_prediction_over_the_mean_to_the_direct_on
 
 @either
 def test_who_commutes_with_mirroring_keeps_its_own_prediction(ramp: bool) -> None:
-    found, expected = mirror_average(even_handed, BATCH, ramp), even_handed(BATCH)
+    found, expected = mirror_average(even_handed, BATCH, WAYS[ramp]), even_handed(BATCH)
     for key in ("depth", "normals"):
         torch.testing.assert_close(found[key], expected[key], atol=1e-5, rtol=1e-5)
 
 
 @either
 def test_normals_have_unit_length(ramp: bool) -> None:
-    lengths = mirror_average(lopsided, BATCH, ramp)["normals"].norm(dim=1)
+    lengths = mirror_average(lopsided, BATCH, WAYS[ramp])["normals"].norm(dim=1)
     torch.testing.assert_close(lengths, torch.ones_like(lengths))
 
 
@@ -122,7 +125,7 @@ def test_the_network_sees_the_mirrored_image_with_the_rays_of_the_mirrored_camer
 
 def test_frames_are_predicted_in_each_way_that_is_asked_for() -> None:
     expected = {None: lopsided(BATCH), "mean": mirror_average(lopsided, BATCH)}
-    expected["ramp"] = mirror_average(lopsided, BATCH, ramp=True)
+    expected["ramp"] = mirror_average(lopsided, BATCH, "ramp")
     (batch, found), *others = predict_frames(Lopsided(), [BATCH], [None, "mean", "ramp", "mean"])
     assert batch is BATCH
     assert others == []

@@ -7,7 +7,7 @@ import pytest
 
 from col3d.data.datasets.octagon import octagon_mask
 from col3d.phantom import PhantomSettings, phantom_camera
-from col3d.phantom.look import LOOKS, Light, Sensor
+from col3d.phantom.appearance import LOOKS, Light, Sensor
 from col3d.phantom.sensor import develop
 from col3d.phantom.shading import Hits, Mucosa, Radiance
 from col3d.phantom.write import Scene, scene_of

@@ -11,7 +11,7 @@ from refusals import refused
 from col3d.data.datasets.octagon import octagon_mask
 from col3d.data.datasets.videos import describe, seeded_name, seeded_videos
 from col3d.phantom import PARTS, PhantomSettings, render_phantom
-from col3d.phantom.look import LOOKS
+from col3d.phantom.appearance import LOOKS
 from col3d.phantom.segments import SEGMENTS
 from col3d.phantom.write import scene_of
 

@@ -6,7 +6,7 @@ from omegaconf import OmegaConf
 
 from col3d.cli.files import CONF, is_group, names_in
 from col3d.cli.refusals import refuse
-from col3d.errors import nearest_name
+from col3d.nearest_names import nearest_name
 
 TAKE_A_WORD = ("--config-dir", "-cd", "--config-path", "-cp", "--config-name", "-cn", "--package", "-p")
 """Hydra's own flags that take an argument."""

@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 
 from col3d.cli.parts import load_plugins
-from col3d.errors import OptionError, nearest_name
+from col3d.errors import OptionError
+from col3d.nearest_names import nearest_name
 from col3d.registry import KINDS, Registry, describe
 
 

@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 
-from col3d.errors import OptionError, nearest_name
+from col3d.errors import OptionError
+from col3d.nearest_names import nearest_name
 from col3d.signals import startup as early
 
 EXIT_CODE = 2

@@ -14,7 +14,8 @@ from omegaconf.errors import InterpolationResolutionError
 
 from col3d.cli.files import CONF, is_group, names_in
 from col3d.cli.paths import quoted
-from col3d.errors import DataError, OptionError, UserError, nearest_name
+from col3d.errors import DataError, OptionError, UserError
+from col3d.nearest_names import nearest_name
 from col3d.registry import GROUPS
 
 EXIT_CODE = 2

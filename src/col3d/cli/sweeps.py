@@ -10,7 +10,8 @@ from hydra.core.override_parser.types import Override
 from omegaconf import OmegaConf
 
 from col3d.cli.files import CONF
-from col3d.errors import UserError, nearest_name
+from col3d.errors import UserError
+from col3d.nearest_names import nearest_name
 
 SWEPT = "hydra.sweeper.params"
 

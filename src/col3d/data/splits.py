@@ -13,7 +13,8 @@ from col3d.data.datasets.videos import (
     seeded_name,
     video_table,
 )
-from col3d.errors import DataError, nearest_name
+from col3d.errors import DataError
+from col3d.nearest_names import nearest_name
 
 SPLITS = ("train", "val", "test")
 

@@ -10,7 +10,7 @@ from col3d.batch import Batch, Prediction
 from col3d.geometry import unit
 
 
-def mirror_average(predict: Callable[[Batch], Prediction], batch: Batch, ramp: bool = False) -> Prediction:
+def mirror_average(predict: Callable[[Batch], Prediction], batch: Batch, way: str = "mean") -> Prediction:
     """Average the prediction for a batch and, mirrored back, that for its mirror image.
 
     Depth is averaged in mm; normals are averaged and normalised to unit length.
@@ -18,8 +18,7 @@ def mirror_average(predict: Callable[[Batch], Prediction], batch: Batch, ramp: b
     Args:
         predict: batch -> prediction.
         batch: frames with their rays.
-        ramp: use the mirrored prediction alone at the left border and the direct one at the right border,
-            changing to the mean between 5 and 10 % of the width, as published programs do.
+        way: of averaging, a key of `SHARES`.
 
     References:
         Godard, Mac Aodha, Brostow: Unsupervised Monocular Depth Estimation with Left-Right Consistency, CVPR
@@ -27,20 +26,31 @@ def mirror_average(predict: Callable[[Batch], Prediction], batch: Batch, ramp: b
     """
     mirrored: Batch = {**batch, "image": batch["image"].flip(-1), "rays": mirror_vectors(batch["rays"])}
     plain, other = predict(batch), predict(mirrored)
-    share = direct_share(plain["depth"].shape[-1], ramp).to(plain["depth"])
+    share = SHARES[way](plain["depth"].shape[-1]).to(plain["depth"])
     mean: Prediction = {"depth": share * plain["depth"] + (1 - share) * other["depth"].flip(-1)}
     if "normals" in plain:
         mean["normals"] = unit(share * plain["normals"] + (1 - share) * mirror_vectors(other["normals"]))
     return mean
 
 
-def direct_share(width: int, ramp: bool) -> Float[Tensor, " w"]:
-    """Return the weight of the direct prediction in the mean, for each column."""
-    if not ramp:
-        return torch.full((width,), 0.5)
+def even_share(width: int) -> Float[Tensor, " w"]:
+    """Weight of the direct prediction in each column: a half."""
+    return torch.full((width,), 0.5)
+
+
+def ramp_share(width: int) -> Float[Tensor, " w"]:
+    """Weight of the direct prediction in each column, as published programs have it.
+
+    The mirrored prediction alone counts at the left border, the direct one at the right border; between 5 and
+    10 % of the width the weights change to a half.
+    """
     from_left = torch.linspace(0, 1, width)
     left = 1 - (20 * (from_left - 0.05)).clamp(0, 1)
     return (1 - left + left.flip(0)) / 2
+
+
+SHARES: dict[str, Callable[[int], Tensor]] = {"mean": even_share, "ramp": ramp_share}
+"""Ways of averaging: width -> weight of the direct prediction in each column."""
 
 
 def mirror_vectors(vectors: Float[Tensor, "b 3 h w"]) -> Float[Tensor, "b 3 h w"]:

@@ -6,10 +6,10 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, PositiveFloat, PositiveInt, model_validator
 
 from col3d.data.options import Data, Size, Split
-from col3d.errors import check_known
 from col3d.metrics.alignment import FITS, IN_WORDS
 from col3d.metrics.options import MetricOptions
 from col3d.models.published.options import Published
+from col3d.nearest_names import check_known
 from col3d.phantom.options import PhantomOptions
 from col3d.registry import METRICS
 from col3d.registry.fields import Accelerator, NonNegative

@@ -38,7 +38,7 @@ def predict_frames(
     for batch in batches:
         with torch.inference_mode():
             predicted = {
-                mirror: predict(batch) if mirror is None else mirror_average(predict, batch, mirror == "ramp")
+                mirror: predict(batch) if mirror is None else mirror_average(predict, batch, mirror)
                 for mirror in mirrors
             }
         for maps in predicted.values():

@@ -4,10 +4,10 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from col3d.errors import check_known
 from col3d.geometry.camera import MIN_AHEAD
 from col3d.geometry.central_differences import TINY, central_normals
 from col3d.geometry.precision import at_least_float32
+from col3d.nearest_names import check_known
 
 DIFFERENCES = ("central", "forward")
 

@@ -7,9 +7,10 @@ from pathlib import Path
 from jaxtyping import Bool
 from torch import Tensor
 
-from col3d.errors import DataError, UserError, nearest_name
+from col3d.errors import DataError, UserError
 from col3d.geometry import Camera, PinholeCamera
 from col3d.geometry.camera_file import check_round_trip, read_lens
+from col3d.nearest_names import nearest_name
 from col3d.registry import DATASETS, Part
 
 SQUEEZE = 0.01

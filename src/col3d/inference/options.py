@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 from pydantic import Field, PositiveFloat, PositiveInt, model_validator
 
 from col3d.data.options import Size, of_the_table
-from col3d.errors import check_known
 from col3d.models.published.options import Published
+from col3d.nearest_names import check_known
 from col3d.registry.fields import Accelerator, NonNegative
 from col3d.registry.schema import NoneWord, Options
 

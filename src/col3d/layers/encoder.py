@@ -8,8 +8,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from col3d.errors import OptionError, nearest_name
+from col3d.errors import OptionError
 from col3d.layers.weight_file import check_archive, check_finite, check_fractions
+from col3d.nearest_names import nearest_name
 
 SCALES = (2, 4, 8, 16, 32)
 PROBE_HW = (64, 96)

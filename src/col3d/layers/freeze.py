@@ -4,7 +4,8 @@ from collections.abc import Callable, Iterable
 
 from torch import nn
 
-from col3d.errors import OptionError, check_known
+from col3d.errors import OptionError
+from col3d.nearest_names import check_known
 
 
 def _freeze_modules(*modules: nn.Module) -> None:

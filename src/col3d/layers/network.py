@@ -8,8 +8,9 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from col3d.batch import Prediction
-from col3d.errors import OptionError, check_known
+from col3d.errors import OptionError
 from col3d.layers.normal_decoder import NORMAL_FRAMES, Features, NormalDecoder
+from col3d.nearest_names import check_known
 
 IMAGENET_MEAN = (0.485, 0.456, 0.406)
 IMAGENET_STD = (0.229, 0.224, 0.225)

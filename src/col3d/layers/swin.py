@@ -8,9 +8,10 @@ from typing import NamedTuple
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from col3d.errors import OptionError, nearest_name
+from col3d.errors import OptionError
 from col3d.layers.encoder import fill_encoder, read_encoder_weights, refuse_more_blocks
 from col3d.layers.window_attention import WINDOW, WindowBlock
+from col3d.nearest_names import nearest_name
 
 HEAD_CHANNELS = 32
 

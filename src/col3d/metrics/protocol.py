@@ -10,10 +10,10 @@ from torch import Tensor
 from torch.nn.functional import interpolate
 
 from col3d.batch import Batch, Prediction, normals_mask
-from col3d.errors import check_known
 from col3d.geometry import unit
 from col3d.metrics.alignment import DOMAINS, FITS, Aligned, alignment
 from col3d.metrics.measure import NONE, SMALLEST, Options, measure
+from col3d.nearest_names import check_known
 
 Depth = Float[Tensor, "b 1 h w"]
 Mask = Bool[Tensor, "b 1 h w"]

@@ -6,11 +6,12 @@ from typing import Any
 
 from torch import nn
 
-from col3d.errors import OptionError, check_known, nearest_name
+from col3d.errors import OptionError
 from col3d.layers.network import DepthNetwork, predicts
 from col3d.layers.normal_decoder import NORMAL_FRAMES
 from col3d.models import bts, bts_cbam, col3d_mtl, monodepth_fpn, newcrfs, pix2pix
 from col3d.models.options import ModelOptions, instead
+from col3d.nearest_names import check_known, nearest_name
 from col3d.registry import MODELS, Part
 from col3d.registry.refusals import checked
 

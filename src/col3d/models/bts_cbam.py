@@ -5,13 +5,13 @@ from collections.abc import Callable
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from col3d.errors import check_known
 from col3d.geometry.precision import at_least_float32
 from col3d.layers.cbam import CBAM
 from col3d.layers.depth_decoder import FinestDepth
 from col3d.layers.planar import Reduction, cone_normals, intersect
 from col3d.models.bts import BTS
 from col3d.models.options import MaxDepth, Width, with_encoder
+from col3d.nearest_names import check_known
 from col3d.registry import register_model
 
 

@@ -7,13 +7,14 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from col3d.errors import OptionError, check_known
+from col3d.errors import OptionError
 from col3d.geometry.precision import at_least_float32
 from col3d.layers.network import DepthNetwork
 from col3d.layers.normal_decoder import Features
 from col3d.layers.swin import Swin
 from col3d.layers.window_attention import WINDOW, WindowBlock
 from col3d.models.options import MaxDepth, Width, with_encoder
+from col3d.nearest_names import check_known
 from col3d.registry import register_model
 
 POOLS = (1, 2, 3, 6)

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from col3d.phantom.noise import random_lattice, value_noise
 from col3d.phantom.segments import Segment
+from col3d.phantom.value_noise import random_lattice, value_noise
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from col3d.data.datasets.octagon import octagon_mask
 from col3d.data.datasets.release import FULL_CODE
 from col3d.geometry import Camera
 from col3d.phantom.anatomy import Colon
-from col3d.phantom.look import Look
+from col3d.phantom.appearance import Look
 from col3d.phantom.sensor import develop, light_of
 from col3d.phantom.shading import Hits, Mucosa, Radiance, turned
 

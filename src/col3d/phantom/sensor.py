@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float32, UInt8
 
-from col3d.phantom.look import Look, Sensor
+from col3d.phantom.appearance import Look, Sensor
 from col3d.phantom.shading import Radiance
 
 SPREAD = (1.0, 0.6, 0.4)

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from col3d.data.datasets.videos import seeded_name, video_table
-from col3d.errors import check_known
 from col3d.geometry import OmnidirectionalCamera
+from col3d.nearest_names import check_known
 
 PARTS = ("anatomy", "tissue", "light", "sensor")
 """Parts that can be randomised: the wall and the trajectory, its surface, the lamps, and the sensor."""

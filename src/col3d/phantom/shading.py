@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from col3d.phantom.anatomy import Colon
-from col3d.phantom.look import Colour, Light, Tissue
-from col3d.phantom.noise import random_lattice, smoothstep, value_noise
+from col3d.phantom.appearance import Colour, Light, Tissue
 from col3d.phantom.texture import FineTexture, axis_shares
+from col3d.phantom.value_noise import random_lattice, smoothstep, value_noise
 
 THIN = 3 / 7
 """Size of the pattern of capillaries relative to that of vessels."""

@@ -16,8 +16,8 @@ from col3d.data.datasets.videos import seeded_name, video_table
 from col3d.data.whole_folder import whole_folder
 from col3d.errors import DataError
 from col3d.phantom.anatomy import build_colon
+from col3d.phantom.appearance import LOOKS
 from col3d.phantom.coverage import Coverage
-from col3d.phantom.look import LOOKS
 from col3d.phantom.render import Frame, Renderer
 from col3d.phantom.segments import SEGMENTS
 from col3d.phantom.settings import PhantomSettings, phantom_camera, random_stream

@@ -5,7 +5,8 @@ from typing import Any
 
 from pydantic_core import PydanticUndefined
 
-from col3d.errors import OptionError, nearest_name
+from col3d.errors import OptionError
+from col3d.nearest_names import nearest_name
 from col3d.registry.annotations import is_group, plain, rule
 from col3d.registry.kinds import KINDS
 from col3d.registry.parts import Registry

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
-from col3d.errors import check_known
+from col3d.nearest_names import check_known
 
 TASKS = ("depth", "normals")
 DIRECTIONS = ("lower", "higher", None)

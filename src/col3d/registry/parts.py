@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, TypeVar
 
-from col3d.errors import OptionError, nearest_name
+from col3d.errors import OptionError
+from col3d.nearest_names import nearest_name
 from col3d.registry import plugins
 from col3d.registry.schema import Options, SignatureError, home_of, options_of, parameters, place_of
 

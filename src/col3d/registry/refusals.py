@@ -7,7 +7,8 @@ from typing import Any, TypeVar, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from col3d.errors import OptionError, UserError, nearest_name
+from col3d.errors import OptionError, UserError
+from col3d.nearest_names import nearest_name
 
 BY_NAME = {"task": ("supervised", "adversarial")}
 """Groups that are unions of option classes, with the tags that pydantic puts into an error's location."""

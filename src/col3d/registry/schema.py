@@ -13,7 +13,8 @@ from typing import Annotated, Any, get_args, get_type_hints
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model, field_validator
 from pydantic_core import PydanticCustomError, PydanticUndefined
 
-from col3d.errors import OptionError, nearest_name
+from col3d.errors import OptionError
+from col3d.nearest_names import nearest_name
 from col3d.registry.annotations import bare, is_group, is_plain, is_plain_type, plain, plain_part
 
 LARGEST, LARGEST_WHOLE = 1e30, 1e18

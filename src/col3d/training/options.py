@@ -5,13 +5,13 @@ from typing import Annotated, Literal
 from pydantic import Field, PlainValidator, PositiveFloat, PositiveInt, SerializeAsAny, model_validator
 
 from col3d.data.options import Data, Split
-from col3d.errors import check_known
 from col3d.evaluation.options import ProtocolOptions, Protocols
 from col3d.losses.options import LossOptions
 from col3d.metrics import registered_specs
 from col3d.metrics.options import MetricOptions
 from col3d.models.options import Model
 from col3d.models.published.options import Published
+from col3d.nearest_names import check_known
 from col3d.phantom.options import PhantomOptions
 from col3d.registry import CALLBACKS, MODELS
 from col3d.registry.fields import NonNegative

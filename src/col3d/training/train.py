@@ -46,6 +46,7 @@ from col3d.training.callbacks.unfreeze import Unfreeze
 from col3d.training.decorate import decorate, show_again
 from col3d.training.final_test import best_network, score_best
 from col3d.training.initial_weights import begin_from
+from col3d.training.memory_advice import memory_advice
 from col3d.training.options import TrainOptions
 from col3d.training.run_request import run_request, weight_files
 from col3d.training.tasks import SupervisedTask
@@ -188,14 +189,14 @@ def _fit_and_test(
         adversarial=options.task.name == "adversarial",
         folder=folder.path,
     )
-    with as_user_errors(_smaller(options)):
+    with as_user_errors(memory_advice(options)):
         trainer.fit(task, datamodule=data, ckpt_path=folder.cut_off, weights_only=True)
     if best.best_model_score is None:
         raise UserError(f"{WATCHED} was never finite: nothing to evaluate; lower optimizer.lr")
     if is_first() and not last.path.is_file():  # only the best checkpoint was left, of the last epoch
         write_whole(last.path, best.path.read_bytes())
     trained = best_network(folder)
-    with as_user_errors(_smaller(options)):
+    with as_user_errors(memory_advice(options)):
         keep = options.callbacks.predictions
         score_best(options, folder, trained, data, results, trainer.strategy.root_device, keep)
     summary = {}
@@ -222,16 +223,6 @@ def joining(options: TrainOptions, task: SupervisedTask) -> list[Callback]:
     if options.model.unfreeze_at is not None:
         implied.append(Unfreeze(task.network.get_submodule("encoder"), options.model.unfreeze_at))
     return [*implied, *named, *([StoppedEarly()] if named else [])]
-
-
-def _smaller(options: TrainOptions) -> str:
-    """Suggest what to change if there is too little memory: the same steps with half as much at a time."""
-    size, accumulate = options.data.batch_size, options.trainer.accumulate
-    if size > 1:
-        halved = f"data.batch_size={size // 2} trainer.accumulate={accumulate * 2}"
-        return f"data.batch_size={size} is too much; {halved} takes half of it a step and is trained alike"
-    height, width = options.data.size
-    return f"data.size=[{height // 2},{width // 2}] takes a quarter; so does a smaller model.encoder"
 
 
 def _watchers(folder: Path, epochs: int, status: JobStatus) -> list[Callback]:

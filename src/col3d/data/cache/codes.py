@@ -9,10 +9,11 @@ References:
     Unit Vectors, Journal of Computer Graphics Techniques 3(2), 2014, section 3 (octahedral).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Any, NotRequired, TypedDict
 
+import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int, Int16, UInt8
 from torch import Tensor
@@ -24,6 +25,24 @@ DEPTH_STEPS, NORMAL_STEPS = 65535, 32767
 NO_NORMAL = -32768
 WORST_ANGLE = 0.004
 """Degrees by which a decoded normal may differ from the one that was encoded."""
+
+
+ARRAYS: dict[str, tuple[int | None, str, torch.dtype]] = {
+    "image": (3, np.dtype(np.uint8).str, torch.uint8),
+    "depth": (None, np.dtype("<u2").str, torch.int16),
+    "normals": (2, np.dtype("<i2").str, torch.int16),
+    "mask": (None, np.dtype(np.bool_).str, torch.bool),
+}
+"""Channels (None: no such axis), type on disk and type in memory of each array."""
+
+
+def shapes(size_hw: tuple[int, int], normals: bool) -> Mapping[str, tuple[tuple[int, ...], str]]:
+    """Shape and type on disk of one frame in each array."""
+    return {
+        name: (size_hw if channels is None else (channels, *size_hw), stored)
+        for name, (channels, stored, _) in ARRAYS.items()
+        if normals or name != "normals"
+    }
 
 
 class QuantizedBatch(TypedDict):

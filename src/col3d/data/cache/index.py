@@ -7,8 +7,6 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from col3d.data.cache.sources import crc32_of, state_of
 from col3d.data.datasets.frame_files import Frame
 from col3d.errors import DataError
@@ -217,17 +215,3 @@ def read_video(folder: Path) -> StoredVideo | None:
         )
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return None
-
-
-def shapes(size_hw: tuple[int, int], normals: bool) -> Mapping[str, tuple[tuple[int, ...], str]]:
-    """Shape and type of one frame in each array."""
-    height, width = size_hw
-    kinds = {
-        "image": ((3, height, width), np.dtype(np.uint8).str),
-        "depth": ((height, width), np.dtype("<u2").str),
-        "normals": ((2, height, width), np.dtype("<i2").str),
-        "mask": ((height, width), np.dtype(np.bool_).str),
-    }
-    if not normals:
-        del kinds["normals"]
-    return kinds

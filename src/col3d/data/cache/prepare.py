@@ -11,7 +11,7 @@ import torch
 from col3d.data.build import frame_set, other_folder_names
 from col3d.data.cache import Recipe, folder_of, read_video, write_video
 from col3d.data.cache.choice import beside, recipe_of, remember
-from col3d.data.cache.index import shapes
+from col3d.data.cache.codes import shapes
 from col3d.data.cache.options import PrepareOptions
 from col3d.data.datasets.frame_set import FrameSet
 from col3d.data.datasets.videos import seeded_name, video_table

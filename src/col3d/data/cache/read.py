@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from col3d.data.cache.codes import QuantizedBatch
+from col3d.data.cache.codes import ARRAYS, QuantizedBatch
 from col3d.data.cache.index import SPARSE_RULE, Shard, StoredVideo
 from col3d.data.sized import SizedFrames, empty
 from col3d.geometry import Camera
@@ -52,7 +52,7 @@ class Stored(SizedFrames):
         first, count = self.stored[0], len(indices)
         batch: dict[str, Any] = {}
         for name, shard in first.shards.items():
-            into = empty((count, *shard.shape[1:]), TYPES[name])
+            into = empty((count, *shard.shape[1:]), ARRAYS[name][2])
             bits = into.numpy().view(shard.dtype)
             for row, (video, frame) in enumerate(places):
                 bits[row] = self._map(video, name).values[frame]
@@ -80,9 +80,6 @@ class Stored(SizedFrames):
             self.bytes_read = 0
             for opened in self.maps.values():
                 opened.give_pages_back()
-
-
-TYPES = {"image": torch.uint8, "depth": torch.int16, "normals": torch.int16, "mask": torch.bool}
 
 
 class _Map:

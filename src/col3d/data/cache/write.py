@@ -10,7 +10,8 @@ from typing import BinaryIO
 import numpy as np
 from numpy.lib import format as npy
 
-from col3d.data.cache.index import Recipe, Shard, StoredVideo, folder_of, shapes
+from col3d.data.cache.codes import shapes
+from col3d.data.cache.index import Recipe, Shard, StoredVideo, folder_of
 from col3d.data.cache.sources import sources_of
 from col3d.data.sized import Resized
 from col3d.data.whole_folder import whole_folder

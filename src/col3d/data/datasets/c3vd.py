@@ -32,8 +32,9 @@ from col3d.data.datasets.release import (
 )
 from col3d.data.datasets.videos import canonical_name, catalogue
 from col3d.data.files.image_files import read_grey, read_rgb
-from col3d.errors import DataError, check_known
+from col3d.errors import DataError
 from col3d.geometry import Camera, OmnidirectionalCamera
+from col3d.nearest_names import check_known
 from col3d.registry import register_dataset
 
 MAX_DEPTH = 100.0

@@ -15,8 +15,9 @@ from torch.utils.data import Dataset
 from col3d.data.datasets.dataset_index import DatasetIndex
 from col3d.data.datasets.frame_files import Frame
 from col3d.data.files.image_files import read_colour, read_grey, read_rgb
-from col3d.errors import DataError, check_known
+from col3d.errors import DataError
 from col3d.geometry import Camera, normals_from_depth
+from col3d.nearest_names import check_known
 
 NORMALS = ("stored", "derived", "none")
 Take = Callable[[np.ndarray], np.ndarray]

@@ -10,9 +10,10 @@ from col3d.data.datasets.videos import catalogue, other_names
 from col3d.data.download import RemoteFile
 from col3d.data.download.options import DownloadOptions
 from col3d.data.splits import expand, selection_of_any_video
-from col3d.errors import DataError, UserError, nearest_name
+from col3d.errors import DataError, UserError
 from col3d.io.atomic import PARTIAL
 from col3d.io.ownership import Owned
+from col3d.nearest_names import nearest_name
 from col3d.registry import DATASETS
 
 GROWTH = 3

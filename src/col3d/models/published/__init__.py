@@ -9,7 +9,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from col3d.errors import check_known
 from col3d.io.atomic import BUFFER
 from col3d.layers.network import DepthNetwork
 from col3d.layers.weight_file import check_archive, check_finite, check_fractions
@@ -23,6 +22,7 @@ from col3d.models.published.bts_family import (
 from col3d.models.published.monodepth_fpn import MONODEPTH_FPN_WEIGHTS
 from col3d.models.published.newcrfs import NEWCRFS_WEIGHTS
 from col3d.models.published.source import Source, our_name
+from col3d.nearest_names import check_known
 
 SOURCES: dict[str, Source] = {
     "bts": BTS_WEIGHTS,
