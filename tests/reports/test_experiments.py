@@ -7,6 +7,7 @@ import pytest
 from fake_runs import CONSISTENT, VIDEOS, options_of, with_rmse, write_paper, write_run
 
 from col3d.registry.earlier import updated
+from col3d.reports.compose import tables_of
 from col3d.reports.experiments import (
     Experiment,
     ablation_row,
@@ -177,3 +178,15 @@ def test_a_callback_makes_another_training_and_pictures_do_not() -> None:
     pictured = {**plain, "callbacks": {"panels": 9, "predictions": True}, "seed": 1}
     assert fingerprint(averaged) != fingerprint(plain)
     assert fingerprint(pictured) == fingerprint(plain)
+
+
+def test_predictions_of_another_program_stand_beside_the_methods(tmp_path: Path) -> None:
+    for seed in (0, 1):
+        write_run(tmp_path / f"bts_{seed}", "bts", seed)
+    files = {"folder": "/data/theirs", "unit": 1000.0}
+    theirs = {"model": "theirs", "label": "theirs"}
+    write_run(tmp_path / "theirs", worse=0.5, facts=theirs, model__name="theirs", predictions=files)
+    benchmark = experiments_of(read_runs(tmp_path))[0]
+    assert [row.label for row in benchmark.rows] == ["BTS", "theirs"]
+    table = tables_of([benchmark])[0]
+    assert [row.heads[0] for row in table.rows] == ["BTS", "theirs"]

@@ -10,13 +10,14 @@ DATA = r"data\.((also\.\w+|test)\.)?"
 PATHS = re.compile(
     rf"{DATA}(root|store|layout\.(image|depth|camera_file))|prepare\.out|benchmark\.output|model\.pretrained"
     r"|hydra\.(run|sweep)\.dir|init\.checkpoint|output_dir|root|input|output|checkpoint|samples|camera|video"
+    r"|predictions|reading\.(depth|normals|name)"
 )
 NAMES = re.compile(rf"{DATA}split\.(train|val|test)|videos")
 NO_PATHS = {("predict", "video")}
 """(program, option) where an option that is a path in other programs is not one."""
 MAY_BE_NULL = (
     *("checkpoint", "init.checkpoint", "output_dir", "root", "prepare.out", "model.pretrained", "samples"),
-    "camera",
+    *("camera", "predictions", "reading.depth", "reading.normals", "reading.name"),
 )
 SWEEPS = ("-m", "--multirun", "hydra.mode=MULTIRUN")
 QUOTED = r"""(?:"(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*')"""

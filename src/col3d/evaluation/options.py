@@ -94,22 +94,26 @@ Protocols = Annotated[dict[str, ProtocolOptions], Field(min_length=1)]
 """Options of protocols by name: `protocol=standard`, or `protocol=[standard,published]` for several."""
 
 
-def _numbered(name: str | None) -> str | None:
-    if name is not None and name.count("{}") != 1:
-        raise ValueError(f"expected {{}} once, in the place of the number; got {name!r}")
-    return name
-
-
 class ReadingOptions(Options):
     """How files of predictions are named, and what their numbers mean."""
 
     name: str | None = None
-    depth: Annotated[str | None, AfterValidator(_numbered)] = None
-    normals: Annotated[str | None, AfterValidator(_numbered)] = None
+    depth: str | None = None
+    normals: str | None = None
     holds: Literal["depth", "inverse_depth"] = "depth"
     unit: PositiveFloat | None = 1.0
     axes: Literal["standard", "opengl"] = "standard"
     order: Literal["number", "position"] = "number"
+
+    @model_validator(mode="after")
+    def _are_numbered(self) -> "ReadingOptions":
+        for kind in ("depth", "normals"):
+            name = getattr(self, kind)
+            if name is not None and name.count("{}") != 1:
+                raise ValueError(
+                    f"reading.{kind}: expected {{}} once, in the place of a frame's number, got {name!r}"
+                )
+        return self
 
 
 class EvaluateOptions(Options):
