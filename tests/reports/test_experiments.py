@@ -7,7 +7,6 @@ import pytest
 from fake_runs import CONSISTENT, VIDEOS, options_of, with_rmse, write_paper, write_run
 
 from col3d.registry.earlier import updated
-from col3d.reports.compose import tables_of
 from col3d.reports.experiments import (
     Experiment,
     ablation_row,
@@ -16,6 +15,7 @@ from col3d.reports.experiments import (
     lambda_row,
 )
 from col3d.reports.options import fingerprint
+from col3d.reports.page import tables_of
 from col3d.reports.paper_tables import paper_table
 from col3d.reports.runs import read_runs
 
