@@ -1,9 +1,7 @@
-"""Depth and normals that any program predicted: files found, matched to the scored frames, and read."""
+"""Read depth and normals that any program predicted, from files matched to the scored frames."""
 
 import math
-import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,49 +12,20 @@ from rich.table import Table
 from torch import Tensor
 
 from col3d.batch import Batch, Prediction
-from col3d.data.datasets.videos import described
-from col3d.data.files.arrays import array_header, is_array, read_array
+from col3d.data.files.arrays import is_array, read_array
 from col3d.data.files.decode import read_whole
 from col3d.data.files.depth_files import check_format, check_numbers
 from col3d.data.sized import SizedFrames
 from col3d.errors import DataError
+from col3d.evaluation.match_predictions import Place, match
 from col3d.evaluation.options import EvaluateOptions, ReadingOptions
 from col3d.evaluation.predict_frames import Mirror
 from col3d.reports.screen import plain_console
 
-SUFFIXES = (".npy", ".npz", ".pfm", ".png", ".tif", ".tiff")
-STACKS = (".npy", ".npz")
-"""Endings of files that hold the frames of a whole video."""
-LAST_NUMBER = re.compile(r"(.*?)(\d+)(\D*)")
-DEPTH_WORDS, NORMAL_WORDS = ("depth", "disp"), ("normal",)
-LISTED = 5
 UNITS = {1e-3: "metres", 0.1: "centimetres", 1e3: "micrometres"}
 """Factor between depth in a unit and in mm -> the unit."""
 SIGNS = {"standard": (1.0, 1.0, 1.0), "opengl": (1.0, -1.0, -1.0)}
 """Signs of x, y and z by the axes of stored normals; OpenGL is also what C3VD had before May 2023."""
-
-
-@dataclass(frozen=True)
-class Place:
-    """Where the prediction of a frame is: a file, or a frame of the array of a whole video."""
-
-    path: Path
-    index: int | None = None
-
-
-@dataclass(frozen=True)
-class Matched:
-    """Predictions of a video.
-
-    Attributes:
-        places: by number of the frame.
-        others: number of files, or frames of an array, that belong to no scored frame.
-        how: where they are and how they were matched, for a table.
-    """
-
-    places: Mapping[int, Place]
-    others: int
-    how: str
 
 
 class PredictionFiles:
@@ -82,8 +51,8 @@ class PredictionFiles:
         videos: dict[str, list[int]] = {}
         for video, number in frames:
             videos.setdefault(video, []).append(number)
-        self.depth = self._matched(videos, reading.depth, "depth")
-        self.normals = self._matched(videos, reading.normals, "normals") if reading.normals else {}
+        self.depth = match(folder, reading, videos, "depth")
+        self.normals = match(folder, reading, videos, "normals") if reading.normals else {}
 
     def predicted(self, batch: Batch) -> tuple[Batch, dict[Mirror, Prediction]]:
         """A batch with the predictions of its frames, all of one size.
@@ -133,110 +102,6 @@ class PredictionFiles:
             channels = channels.astype(np.float32) / np.iinfo(channels.dtype).max * 2 - 1
         signs = np.array(SIGNS[self.reading.axes], np.float32)[:, None, None]
         return channels.astype(np.float32) * signs
-
-    def _matched(
-        self, videos: Mapping[str, Sequence[int]], name: str | None, kind: str
-    ) -> dict[str, Matched]:
-        return {
-            video: self._of_video(video, numbers, name, kind, len(videos) > 1)
-            for video, numbers in videos.items()
-        }
-
-    def _of_video(
-        self, video: str, numbers: Sequence[int], name: str | None, kind: str, several: bool
-    ) -> Matched:
-        names = _names(video)
-        for stem in names if name is None else ():
-            for suffix in STACKS:
-                if (path := self.folder / f"{stem}{suffix}").is_file():
-                    return self._of_stack(path, numbers)
-        place = next((self.folder / stem for stem in names if (self.folder / stem).is_dir()), None)
-        if place is None:
-            if several:
-                raise DataError(
-                    f"predictions={self.folder}: no folder and no array of {video} in it; looked for "
-                    f"{', '.join(names)}, and {names[0]}.npy or .npz"
-                )
-            place = self.folder
-        files = _named(place, name, kind) if name is not None else _found(place, kind)
-        if self.reading.order == "position":
-            return self._in_order(place, files, numbers)
-        missing = [number for number in numbers if number not in files]
-        if missing:
-            listed = ", ".join(map(str, missing[:LISTED])) + (", ..." if len(missing) > LISTED else "")
-            if len(files) == len(numbers):
-                listed += f"; as many files are numbered {min(files)} to {max(files)}: reading.order=position"
-            raise DataError(f"{place}: {len(missing)} of {len(numbers)} frames have no {kind}: {listed}")
-        others = len(files) - len(numbers)
-        return Matched({n: Place(files[n]) for n in numbers}, others, f"{place.name}/, by number")
-
-    def _in_order(self, place: Path, files: Mapping[int, Path], numbers: Sequence[int]) -> Matched:
-        if len(files) != len(numbers):
-            raise DataError(
-                f"{place}: {len(files)} files for {len(numbers)} frames: reading.order=position takes as many"
-            )
-        pairs = zip(sorted(numbers), sorted(files), strict=True)
-        return Matched({number: Place(files[k]) for number, k in pairs}, 0, f"{place.name}/, in order")
-
-    def _of_stack(self, path: Path, numbers: Sequence[int]) -> Matched:
-        shape = array_header(path).shape
-        if len(shape) not in (3, 4):
-            raise DataError(f"{path}: expected the frames of a video, (n, h, w), got shape {shape}")
-        count = shape[0]
-        if count == len(numbers) and (self.reading.order == "position" or count <= max(numbers)):
-            places = {number: Place(path, index) for index, number in enumerate(sorted(numbers))}
-            return Matched(places, 0, f"{path.name}, in order")
-        if count <= max(numbers):
-            raise DataError(
-                f"{path}: {count} frames, which are neither the {len(numbers)} that are scored nor a video "
-                f"up to frame {max(numbers)}"
-            )
-        places = {number: Place(path, number) for number in numbers}
-        return Matched(places, count - len(numbers), f"{path.name}, by number")
-
-
-def _names(video: str) -> list[str]:
-    """Names that a video may go by: here, in its data set today, in the paper."""
-    known = described(video)
-    others = (known.released_as, known.label) if known is not None else ()
-    return list(dict.fromkeys([video, *(name for name in others if name)]))
-
-
-def _named(place: Path, name: str, kind: str) -> dict[int, Path]:
-    """Files whose name is as given, {} for the number."""
-    before, after = (re.escape(part) for part in name.split("{}"))
-    pattern = re.compile(f"{before}(\\d+){after}")
-    paths = sorted(path for path in place.rglob("*") if path.is_file())
-    files = {
-        int(match[1]): path
-        for path in paths
-        if (match := pattern.fullmatch(path.relative_to(place).as_posix()))
-    }
-    if not files:
-        raise DataError(f"{place}: no file is called as reading.{kind}={name} says")
-    return files
-
-
-def _found(place: Path, kind: str) -> dict[int, Path]:
-    """The one series of numbered files of a folder that may be of a kind."""
-    series: dict[tuple[str, str, str], dict[int, Path]] = {}
-    for path in sorted(place.iterdir()):
-        if path.suffix.lower() in SUFFIXES and (match := LAST_NUMBER.fullmatch(path.stem)):
-            key = match[1], match[3], path.suffix
-            series.setdefault(key, {})[int(match[2])] = path
-    words, others = (DEPTH_WORDS, NORMAL_WORDS) if kind == "depth" else (NORMAL_WORDS, DEPTH_WORDS)
-    fitting = {key: files for key, files in series.items() if not _says(key, others)}
-    if len(fitting) > 1:
-        fitting = {key: files for key, files in fitting.items() if _says(key, words)}
-    if len(fitting) != 1:
-        listed = ", ".join(f"{before}{{}}{after}{suffix}" for before, after, suffix in list(series)[:LISTED])
-        what = f"several kinds of files ({listed})" if series else f"no numbered {'/'.join(SUFFIXES)}"
-        raise DataError(f"{place}: {what}; name those of {kind} by reading.{kind}=NAME_{{}}.npy")
-    return next(iter(fitting.values()))
-
-
-def _says(key: tuple[str, str, str], words: Sequence[str]) -> bool:
-    return any(word in part.lower() for part in key[:2] for word in words)
 
 
 def _read(place: Place) -> np.ndarray:
