@@ -345,7 +345,7 @@ def test_generated_code_is_asked_for(
     """Of the network that is trained, and of the one that is scored, whose weights stay as they are."""
     asked: list[bool] = []
 
-    def compile_network(network: DepthNetwork, trained: bool = False) -> None:
+    def compile_network(network: DepthNetwork, trained: bool = False, cudagraphs: bool = False) -> None:
         asked.append(trained)
 
     monkeypatch.setattr("col3d.training.train.compile_network", compile_network)
