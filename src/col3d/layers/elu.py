@@ -29,7 +29,8 @@ def elu_(x: Float[Tensor, "*n"]) -> Float[Tensor, "*n"]:
     if x.device.type != "cpu" or x.dtype != torch.float32:
         return nn.functional.elu(x, inplace=True)
     if torch.compiler.is_compiling():
-        return torch.maximum(x, x.clamp(max=0).exp() - 1)
+        # not the maximum of both: beside 0 rounding would decide which of them has the gradient
+        return torch.where(x > 0, x, x.clamp(max=0).exp() - 1)
     written: Tensor = _ELU.apply(x)
     return written
 
