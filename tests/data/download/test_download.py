@@ -133,7 +133,7 @@ def test_an_archive_of_the_users_is_read_and_kept(server: Dataverse, archive: by
 @pytest.mark.parametrize("name", [f"{NAME}.zip", f"{NAME}.zip.partial", f".{NAME}.partial", NAME])
 def test_what_is_of_others_is_not_written_over(server: Dataverse, tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_bytes(b"mine")
-    with refused(UserError, "data.root", tmp_path / name):
+    with refused(UserError, "data.root", tmp_path, name):
         run(server, tmp_path, ACCEPT)
     assert names(tmp_path) == [name]
     assert (tmp_path / name).read_bytes() == b"mine"
