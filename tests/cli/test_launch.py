@@ -1,5 +1,6 @@
 """The command as a user calls it: exit codes and what is printed."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -77,3 +78,12 @@ def test_folders_are_named_for_the_overrides() -> None:
     assert one != other
     assert all(character not in one for character in "=[] /")
     assert len(slug("x=" + "y" * 500)) < 120
+
+
+def test_threads_sleep_while_they_wait_unless_told_otherwise(tmp_path: Path) -> None:
+    code = "import os; from col3d.cli import main; main(['--help']); print(os.environ['OMP_WAIT_POLICY'])"
+    environment = {name: value for name, value in os.environ.items() if name != "OMP_WAIT_POLICY"}
+    for given, expected in (({}, "PASSIVE"), ({"OMP_WAIT_POLICY": "ACTIVE"}, "ACTIVE")):
+        call = [sys.executable, "-c", code]
+        answer = subprocess.run(call, env=environment | given, capture_output=True, text=True, check=True)
+        assert answer.stdout.splitlines()[-1] == expected

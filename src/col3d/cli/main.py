@@ -75,6 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         The exit code: 2 for bad input, after one line for each fault.
     """
     early.listen()  # before imports that take seconds
+    os.environ.setdefault(*WAITING)  # before torch is loaded, which reads it then
     name, *words = [*(sys.argv[1:] if arguments is None else arguments)] or ["--help"]
     if name in HELP:
         print(usage())
