@@ -1,7 +1,5 @@
 """Real trainings of Col3D-MTL with cross-task consistency on the rendered colon, and again to the bit."""
 
-import csv
-import json
 import os
 import subprocess
 import sys
@@ -18,6 +16,7 @@ from benchmarks.gpu.results import Record
 from benchmarks.gpu.setting import Setting
 from col3d.errors import DataError
 from col3d.io.run_files import RESULT, STATUS, read_plain
+from col3d.reports.per_frame import read_per_frame
 
 TABLE = "Trainings of Col3D-MTL with cross-task consistency on the rendered colon"
 PAPER = (
@@ -98,10 +97,9 @@ class Programs:
         return self.folder / f"{name}.log"
 
     def _trained(self, name: str, seconds: float) -> Trained:
-        summary = json.loads((self.folder / name / "summary.json").read_text())
-        with (self.folder / name / "per_frame.csv").open(newline="", encoding="utf-8") as file:
-            rows = list(csv.DictReader(file))
-        scores = [float(row[name] or "nan") for row in rows for name in summary["metrics"]]
+        summary = read_plain(self.folder / name / "summary.json")
+        rows = read_per_frame(self.folder / name / "per_frame.csv")
+        scores = [float(row[metric] or "nan") for row in rows for metric in summary["metrics"]]
         return Trained(seconds, float(summary["metrics"]["abs_rel"]), scores)
 
 

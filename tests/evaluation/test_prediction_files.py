@@ -205,3 +205,16 @@ def test_options_that_do_not_fit(options: list[str], about: str, named: list[str
     base = () if about == "data" else ("data=phantom",)
     with refused(UserError, about, *named):
         check_options(EvaluateOptions, composed("evaluate", *base, *options))
+
+
+def test_options_of_others_are_in_the_way_before_anything_is_scored(
+    truth: dict[tuple[str, int], np.ndarray], phantom_root: Path, tmp_path: Path
+) -> None:
+    for (video, number), depth in truth.items():
+        (tmp_path / "theirs" / video).mkdir(parents=True, exist_ok=True)
+        np.save(tmp_path / "theirs" / video / f"{number}.npy", depth)
+    (tmp_path / "scored").mkdir()
+    (tmp_path / "scored" / "config.yaml").write_text("mine")
+    with refused(UserError, None, "config.yaml"):
+        score(tmp_path / "theirs", phantom_root)
+    assert [path.read_text() for path in (tmp_path / "scored").iterdir()] == ["mine"]

@@ -1,15 +1,11 @@
 """MAE, ranges of depth and the further metrics of normals: twins in numpy, laws, and published figures."""
 
-import json
-import os
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 from parity import needs_parity
-from torch import Tensor
 
 from col3d.metrics.functional import NORMAL_METRICS, boundary_f1, depth_metrics, normal_metrics
 from col3d.metrics.functional.depth import depth_errors
@@ -88,14 +84,6 @@ def test_shares_grow_with_their_limit_and_the_mean_is_below_the_root_of_squares(
     shares = [found[f"within_{limit}"] for limit in ("5", "7_5", "11_25", "22_5", "30")]
     assert all((less <= more).all() for less, more in pairwise(shares))
     assert (found["angle_mean"] <= found["angle_rmse"]).all()
-
-
-@pytest.fixture(scope="module")
-def literature() -> tuple[dict[str, object], Tensor, Tensor]:
-    folder = Path(os.environ["COL3D_PARITY"])
-    maps = np.load(folder / "literature_inputs.npz")
-    pred, truth = (torch.from_numpy(maps[name].astype(np.float32))[:, None] for name in ("pred", "truth"))
-    return json.loads((folder / "literature.json").read_text()), pred, truth
 
 
 @needs_parity

@@ -1,11 +1,7 @@
 """Protocols of other papers against figures that their own programs gave, and laws of alignments."""
 
-import json
-import os
-from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 import torch
 from hypothesis import given
@@ -33,15 +29,6 @@ def protocol_of(name: str) -> Protocol:
 def batch_of(truth: Tensor, mask: Tensor | None = None) -> Any:
     videos = ["video_a"] * len(truth)
     return {"depth": truth, "mask": truth > 0 if mask is None else mask, "video": videos}
-
-
-@pytest.fixture(scope="module")
-def literature() -> tuple[dict[str, Any], Tensor, Tensor]:
-    """Figures; prediction and truth (7, 1, 60, 76) in mm, of which three frames are of one video."""
-    folder = Path(os.environ["COL3D_PARITY"])
-    maps = np.load(folder / "literature_inputs.npz")
-    pred, truth = (torch.from_numpy(maps[name].astype(np.float32))[:, None] for name in ("pred", "truth"))
-    return json.loads((folder / "literature.json").read_text()), pred, truth
 
 
 @needs_parity

@@ -65,7 +65,7 @@ class Watch(TorchFunctionMode):
         return made
 
 
-def as_it_is(*_: Any, **__: Any) -> Any:
+def no_autocast(*_: Any, **__: Any) -> Any:
     return nullcontext()
 
 
@@ -123,7 +123,7 @@ class SecondStep(Callback):
 def test_a_training_step_reads_nothing_back(
     overrides: list[str], phantom_root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(torch, "autocast", as_it_is)  # of which the meta device knows nothing
+    monkeypatch.setattr(torch, "autocast", no_autocast)  # of which the meta device knows nothing
     encoder = () if overrides[0] in ("model=newcrfs", "model=pix2pix") else (SMALL,)
     place = (f"data.root={phantom_root}", f"output_dir={tmp_path}")
     given = composed("train", *TINY, *place, *overrides, *encoder)

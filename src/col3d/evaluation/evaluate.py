@@ -64,7 +64,7 @@ def _evaluate(options: EvaluateOptions, stop: StopSignals) -> None:
     if setup.network is not None:
         setup.scored.print_audit()
     for name in options.protocol:
-        Owned(_folder(options, name), KIND, "output_dir").check(FILES)
+        Owned(_folder(options, name), KIND, "output_dir").check(_files(options))
     truths = own_truths(options.protocol, setup.data, setup.phantom, options.split, setup.data.size)
     for name, protocol in options.protocol.items():
         _check_truth(truths[name] or frames, name, protocol, setup, options)
@@ -122,8 +122,7 @@ def _writers(setup: EvaluationSetup, options: EvaluateOptions) -> dict[Mirror, P
 def _write(setup: EvaluationSetup, options: EvaluateOptions, results: Results) -> None:
     """Write the files of one protocol."""
     folder, network = results.folder, setup.network
-    names = FILES if network is not None else (*FILES, CONFIG)
-    Owned(folder, KIND, "output_dir").claim(*names)
+    Owned(folder, KIND, "output_dir").claim(*_files(options))
     results.table.save()
     parameters = 0 if network is None else parameters_of(network)
     summary = results.write(Path(options.predictions or options.weights), parameters, {})
@@ -136,6 +135,11 @@ def _write(setup: EvaluationSetup, options: EvaluateOptions, results: Results) -
     with decorations.attempt(PAGE):
         write_run_page(folder)
     results.show(summary)
+
+
+def _files(options: EvaluateOptions) -> tuple[str, ...]:
+    """Return the names of the files of a protocol; scored predictions have options that a report reads."""
+    return FILES if options.predictions is None else (*FILES, CONFIG)
 
 
 def _folder(options: EvaluateOptions, protocol: str) -> Path:

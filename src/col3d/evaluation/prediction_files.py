@@ -48,6 +48,7 @@ class PredictionFiles:
         if not folder.is_dir():
             raise DataError(f"predictions={folder}: no such folder")
         self.folder, self.reading = folder, reading
+        self._opened: tuple[Path, np.ndarray] | None = None
         videos: dict[str, list[int]] = {}
         for video, number in frames:
             videos.setdefault(video, []).append(number)
@@ -74,7 +75,7 @@ class PredictionFiles:
             DataError: the file is not what it should be.
         """
         place = self.depth[video].places[number]
-        values = _plane(place, _read(place)).astype(np.float32)
+        values = _plane(place, self._read(place)).astype(np.float32)
         if not np.isfinite(values).all():
             raise DataError(
                 f"{place.path}: {int((~np.isfinite(values)).sum())} of its numbers are not finite"
@@ -92,7 +93,7 @@ class PredictionFiles:
             DataError: the file is not what it should be.
         """
         place = self.normals[video].places[number]
-        values = _read(place)
+        values = self._read(place)
         if values.ndim != 3 or 3 not in (values.shape[0], values.shape[-1]):
             raise DataError(
                 f"{place.path}: expected normals (h, w, 3) or (3, h, w), got shape {values.shape}"
@@ -103,15 +104,23 @@ class PredictionFiles:
         signs = np.array(SIGNS[self.reading.axes], np.float32)[:, None, None]
         return channels.astype(np.float32) * signs
 
+    def _read(self, place: Place) -> np.ndarray:
+        if place.index is None:
+            return _numbers(place.path)
+        if self._opened is None or self._opened[0] != place.path:  # the array of a video is read once
+            self._opened = place.path, _numbers(place.path)
+        values: np.ndarray = self._opened[1][place.index]
+        return values
 
-def _read(place: Place) -> np.ndarray:
-    if is_array(place.path):
-        values = read_array(place.path)
+
+def _numbers(path: Path) -> np.ndarray:
+    if is_array(path):
+        values = read_array(path)
     else:
-        check_format(place.path)
-        values = read_whole(place.path)
-    check_numbers(place.path, values.dtype)
-    return values if place.index is None else values[place.index]
+        check_format(path)
+        values = read_whole(path)
+    check_numbers(path, values.dtype)
+    return values
 
 
 def _plane(place: Place, values: np.ndarray) -> np.ndarray:

@@ -65,9 +65,8 @@ class Scoring:
                 continue
             if self.video and self.video[0][0]["video"] != frame["video"]:
                 self.finish(mean_depth)
-            kept = {
-                name: frame[name] for name in SCORED if name in frame
-            }  # a video of images takes gigabytes
+            # without images, which of a whole video take gigabytes
+            kept = {name: frame[name] for name in SCORED if name in frame}
             self.video.append(move_data_to_device((kept, one), "cpu"))
 
     def finish(self, mean_depth: Tensor | None) -> None:
@@ -75,11 +74,12 @@ class Scoring:
         if not self.video:
             return
         aligned = self.protocol.of_video((prediction, batch) for batch, prediction in self.video)
-        constant = mean_depth is not None and self.protocol.of_video(
-            (_constant(mean_depth, batch), batch) for batch, _ in self.video
-        )
+        constant = None
+        if mean_depth is not None:
+            means = ((_constant(mean_depth, batch), batch) for batch, _ in self.video)
+            constant = self.protocol.of_video(means)
         for batch, prediction in self.video:
-            self._add(batch, prediction, mean_depth, aligned, constant or None)
+            self._add(batch, prediction, mean_depth, aligned, constant)
         self.video = []
 
     def _add(
@@ -152,9 +152,7 @@ def scorings_of(
         Scoring(
             build_protocol(name, options, metrics),
             results[name].table,
-            None
-            if options.resolution == "native" or options.scaling_over == "video"
-            else results[name].panels,
+            results[name].panels if options.keeps_panels else None,
             options.mirror,
             one_by_one(truths[name], workers, device),
         )
@@ -211,9 +209,9 @@ def score(
                     scoring.add(batch, predictions[scoring.mirror], mean_depth)
                 for mirror, writer in writers.items():
                     write_batch(writer, batch, predictions[mirror])
+            for scoring in scorings:
+                scoring.finish(mean_depth)
         for writer in writers.values():
             writer.finish()
     for scoring in scorings:
-        with torch.inference_mode():
-            scoring.finish(mean_depth)
         scoring.table.gather()
